@@ -1,0 +1,1 @@
+"""Everything that starts, stops, watches or reproduces: command line, launcher, viewer, reports."""
