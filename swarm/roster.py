@@ -123,6 +123,8 @@ class Roster:
         error: BaseException | None,
         tb: TracebackType | None,
     ) -> None:
-        for resource in (self._token, self._subscriber):
-            if resource is not None and not self._session.is_closed():
-                resource.undeclare()
+        if self._session.is_closed():
+            return
+        if self._token is not None:
+            self._token.undeclare()
+        self._subscriber.undeclare()
