@@ -7,17 +7,18 @@ tasks that share a deterministic way to move and one start, and pay only where a
     policy, whatever it remembers.  All unfinished tasks stand in the same state, so that the swarm
     is one walk, which earns gamma^t r where it ends a task; chance cannot help such a walk.  Sets
     only shrink, so each asks for smaller ones; a task that is never finished adds nothing.
-2.  A depth-first search, led by this bound, looks for a walk that never takes two actions in one
-    state, that is, for a policy without memory.  If its exactly evaluated sum is the bound, the
-    optimum is certified.  If not, no memoryless policy attains the bound, not even by chance: the
-    optimum lies between the two numbers.
+2.  A beam search, led by this bound, looks for a walk that never takes two actions in one state,
+    that is, for a policy without memory.  If its exactly evaluated sum is the bound, the optimum is
+    certified.  If not, the optimum lies between the two numbers.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -25,17 +26,20 @@ import numpy as np
 from sim.tabular.mdp import FiniteMDP, Floats, Ints
 
 TOLERANCE = 1e-9  # between bound and value of a certified optimum
-NEGLIGIBLE = 1e-12  # differences below are rounding
-MOST_NODES = 50_000  # that the search for a walk may open: a few seconds at most
+NEGLIGIBLE = 1e-12  # differences of sums below are rounding
+ROUNDING = 1e-14  # of advantages, in units of the largest possible return
+WIDTH = 300  # walks of one length that the search keeps; a guess, 1000 found nothing better
+MOST_TASKS = 16  # different ones: the program looks at every subset
 
 
 def optimal_policy(model: FiniteMDP) -> Floats:
     """A deterministic policy (S, A) that is best from every state, by policy iteration."""
     actions = np.zeros(model.n_states, dtype=np.intp)
+    rounding = ROUNDING * np.abs(model.rewards).max() / (1 - model.gamma)
     while True:
         policy = np.eye(model.n_actions)[actions]
         advantages = model.advantages(policy)
-        better = advantages.max(axis=1) > NEGLIGIBLE
+        better = advantages.max(axis=1) > rounding
         if not better.any():
             return policy
         actions = np.where(better, advantages.argmax(axis=1), actions)
@@ -63,7 +67,10 @@ class JointOptimum:
 
 
 def joint_optimum(models: Sequence[FiniteMDP]) -> JointOptimum:
-    """The optimum of the sum over `models`, one for each task; see the module's docstring."""
+    """The optimum of the sum over `models`, one for each agent; see the module's docstring.
+
+    Agents may share a task: 64 agents with four tasks are no more work than four.
+    """
     program = _Program(models)
     walk = program.best_walk()
     choices = program.look_ahead(program.everyone).argmax(axis=1)  # off the walk: the hopeful one
@@ -94,15 +101,24 @@ class _Walk(NamedTuple):
         return not self.unfinished or self.path[-1] in self.path[:-1]
 
 
+def _promise(walk: _Walk) -> float:
+    return walk.promise
+
+
 class _Program:
     """The walk of all tasks; a set of unfinished tasks is an integer, one bit for each task."""
 
     def __init__(self, models: Sequence[FiniteMDP]) -> None:
         self.gamma, self.start = _common_gamma(models), _common_start(models)
         self.successors = _common_moves(models)  # (S, A)
-        self.rewards = np.stack([model.rewards[:, :, 0] for model in models])  # (N, S, A)
-        bits = 1 << np.arange(len(models))
-        terminal = np.stack([model.terminal for model in models])
+        names = [(model.rewards.tobytes(), model.terminal.tobytes()) for model in models]
+        agents, tasks = Counter(names), dict(zip(names, models, strict=True))
+        if len(tasks) > MOST_TASKS:
+            raise ValueError(f"models: {len(tasks)} different tasks, expected at most {MOST_TASKS}")
+        # (N, S, A) what all agents of a task earn together
+        self.rewards = np.stack([agents[name] * tasks[name].rewards[:, :, 0] for name in tasks])
+        bits = 1 << np.arange(len(tasks))
+        terminal = np.stack([task.terminal for task in tasks.values()])
         self.ends: Ints = bits @ terminal  # (S,) the tasks that end in each state
         self.everyone = int(bits.sum())
         pays_on_the_way = (self.rewards != 0) & ~terminal[:, self.successors]
@@ -140,23 +156,23 @@ class _Program:
             arrival[inside] = values[inside]
 
     def best_walk(self) -> _Walk:
-        """The best walk that leaves each state always by the same action.
+        """The best walk that leaves each state always by the same action, as far as was searched.
 
-        The first that attains the bound, else the best of those that the search saw.
+        Of walks that stand in one state, with the same tasks left and the same states behind them,
+        only the best is kept; then the `WIDTH` most promising of each length.
         """
         bound = float(self.values(self.everyone)[self.start])
         best = _Walk(-np.inf, 0.0, self.everyone, (self.start,), ())
-        stack = [best._replace(promise=bound)]
-        for _ in range(MOST_NODES):
-            if not stack or best.promise >= bound - NEGLIGIBLE:
-                break
-            walk = stack.pop()
-            if walk.promise <= best.promise + NEGLIGIBLE:
-                continue
-            if walk.complete:
-                best = walk
-            else:
-                stack += sorted(self.continuations(walk), key=lambda longer: longer.promise)
+        walks = [best._replace(promise=bound)]
+        while walks and best.promise < bound - NEGLIGIBLE:
+            longer: dict[tuple[int, int, frozenset[int]], _Walk] = {}
+            for walk in chain.from_iterable(map(self.continuations, walks)):
+                if walk.complete:
+                    best = max(best, walk, key=_promise)
+                elif walk.promise > best.promise + NEGLIGIBLE:
+                    alike = walk.path[-1], walk.unfinished, frozenset(walk.path)
+                    longer[alike] = max(longer.get(alike, walk), walk, key=_promise)
+            walks = sorted(longer.values(), key=_promise, reverse=True)[:WIDTH]
         return best
 
     def continuations(self, walk: _Walk) -> Iterator[_Walk]:

@@ -20,18 +20,19 @@ def tiny(tasks: Sequence[Sequence[Cell]], gamma: float = 0.9) -> list[FiniteMDP]
     return [grid_model(SIZE, [goal], [obstacle], gamma=gamma) for goal, obstacle in tasks]
 
 
+EVERY_POLICY = np.array(list(product(range(4), repeat=6)))  # (4096, S)
+
+
 def best_by_enumeration(models: Sequence[FiniteMDP]) -> float:
-    """The largest sum over all 4^6 deterministic policies, each followed step by step."""
-    best = -np.inf
-    for actions in product(range(4), repeat=6):
-        total = 0.0
-        for model in models:
-            state = 0
-            for t in range(7):
-                total += model.gamma**t * model.rewards[state, actions[state], 0]
-                state = model.successors[state, actions[state], 0]
-        best = max(best, total)
-    return best
+    """The largest sum over all deterministic policies, each followed step by step."""
+    totals = np.zeros(len(EVERY_POLICY))
+    for model in models:
+        states = np.zeros(len(EVERY_POLICY), dtype=np.intp)
+        for t in range(7):
+            actions = EVERY_POLICY[np.arange(len(EVERY_POLICY)), states]
+            totals += model.gamma**t * model.rewards[states, actions, 0]
+            states = model.successors[states, actions, 0]
+    return float(totals.max())
 
 
 def best_with_memory(models: Sequence[FiniteMDP], horizon: int) -> float:
@@ -99,6 +100,19 @@ def test_layouts_have_a_certified_optimum(name: str, solved: int) -> None:
     assert optimum.bound <= sum(optimal_value(model) for model in models)
 
 
+def test_agents_may_share_a_task() -> None:
+    four = LAYOUTS["a"].models()
+    optimum = joint_optimum([model for model in four for _ in range(16)])
+    assert optimum.certified
+    assert optimum.value == pytest.approx(16 * joint_optimum(four).value, abs=1e-9)
+    assert len(optimum.task_values) == 64
+    # Of the two that cannot both have their way in (c), the majority has it.
+    first, loser, winner, last = LAYOUTS["c"].models()
+    outvoted = joint_optimum([first, loser, loser, winner, last])
+    assert outvoted.certified
+    assert outvoted.task_values[1] > 0 > outvoted.task_values[3]
+
+
 def test_a_walk_that_must_turn_back_is_not_certified() -> None:
     models = [grid_model((1, 3), [goal], start=(0, 1), gamma=0.9) for goal in ((0, 0), (0, 2))]
     optimum = joint_optimum(models)
@@ -148,5 +162,7 @@ def test_tasks_that_do_not_fit_together_are_refused() -> None:
         joint_optimum([grid.with_start(np.array([0.5, 0.5, 0]))])
     with pytest.raises(ValueError, match=r"models: gammas \[0\.9, 0\.99\]"):
         joint_optimum([grid, grid_model((1, 3), [(0, 2)], gamma=0.9)])
+    with pytest.raises(ValueError, match="models: 20 different tasks, expected at most 16"):
+        joint_optimum([grid_model((5, 5), [divmod(cell, 5)]) for cell in range(1, 21)])
     with pytest.raises(ValueError, match="models: start 2 is terminal"):
         joint_optimum([grid.with_start(np.eye(3)[2])])
