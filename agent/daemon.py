@@ -113,7 +113,8 @@ def run_agent(
         _serve_status(session, keys, (agent, incarnation), config, rounds, life)
         roster.announce(agent, incarnation)
         log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
-        if absent := roster.wait_for(config.members, config.timing.start, stop):
+        unfinished = life.at.round < config.rounds
+        if unfinished and (absent := roster.wait_for(config.members, config.timing.start, stop)):
             log.warning(
                 "round %d: %s not here after %.0f s, going on without",
                 life.at.round,

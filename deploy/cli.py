@@ -5,6 +5,7 @@ user's mistake is one line on standard error and a non-zero exit code.
 """
 
 import logging
+import os
 import signal
 import sys
 import threading
@@ -161,7 +162,7 @@ def _stop_on_signals() -> threading.Event:
 
 def _stop_at_end_of_input(stop: threading.Event) -> None:
     """Set ``stop`` when whoever started us is gone."""
-    while sys.stdin.buffer.read(4096):
+    while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
         pass
     stop.set()
 

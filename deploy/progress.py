@@ -1,4 +1,4 @@
-"""What `swarm up` shows while the agents learn: a live table, or plain lines where there is none."""
+"""What `swarm up` shows while agents learn: a live table, or lines where there is no terminal."""
 
 import threading
 import time
@@ -113,6 +113,9 @@ class Progress:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        tb: TracebackType | None,
     ) -> None:
         self._live.stop()

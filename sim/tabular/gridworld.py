@@ -2,7 +2,7 @@
 
 States number the cells row by row, row 0 on top; actions are `UP`, `DOWN`, `LEFT`, `RIGHT`.
 `grid_model` builds the exact world, `LAYOUTS` holds the layouts of the notes, `GridWorld` is the
-Gymnasium environment, `most_followed_path` the route that Fig. 2 draws.
+Gymnasium environment.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.tabular.env import TabularEnv
-from sim.tabular.mdp import FiniteMDP, Floats
+from sim.tabular.mdp import FiniteMDP
 
 Cell = tuple[int, int]  # row, column
 
@@ -133,18 +133,6 @@ def _states(name: str, cells: Sequence[Cell], size: tuple[int, int]) -> list[int
                 f"{name}: cell {(row, column)}, expected one of a {rows} x {columns} grid"
             )
     return [row * columns + column for row, column in cells]
-
-
-def most_followed_path(model: FiniteMDP, policy: Floats) -> list[int]:
-    """The states of the likeliest walk: from the likeliest start, always by the likeliest action.
-
-    Ends at a terminal state, or where a state comes up again (it is the last entry then).
-    """
-    path = [int(model.start.argmax())]
-    while not model.terminal[path[-1]] and path[-1] not in path[:-1]:
-        move = path[-1], int(policy[path[-1]].argmax())
-        path.append(int(model.successors[move][model.probabilities[move].argmax()]))
-    return path
 
 
 class GridWorld(TabularEnv):

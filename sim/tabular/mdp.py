@@ -182,6 +182,17 @@ class FiniteMDP:
         flat = np.bincount(self._pairs, weights.ravel(), self.n_states**2)
         return flat.astype(np.float64, copy=False).reshape(self.n_states, self.n_states)
 
+    def most_followed_path(self, policy: Floats) -> list[int]:
+        """The likeliest walk, as Fig. 2 draws: likeliest start, then always the likeliest action.
+
+        Ends at a terminal state, or where a state comes up again (it is the last entry then).
+        """
+        path = [int(self.start.argmax())]
+        while not self.terminal[path[-1]] and path[-1] not in path[:-1]:
+            move = path[-1], int(policy[path[-1]].argmax())
+            path.append(int(self.successors[move][self.probabilities[move].argmax()]))
+        return path
+
     def sample(self, policy: Floats, uniforms: Floats) -> Episodes:
         """Episodes under `policy`, a pure function of `uniforms` (H+1, E, 2); see `Episodes`."""
         return self.sampler(policy[None], uniforms[None]).of_model(0)

@@ -13,7 +13,6 @@ from sim.tabular.gridworld import (
     UP,
     GridWorld,
     grid_model,
-    most_followed_path,
 )
 
 
@@ -96,11 +95,11 @@ def test_most_followed_path() -> None:
     right_then_down = np.full((6, 4), 0.1)
     right_then_down[:, RIGHT] = 0.7
     right_then_down[2, [RIGHT, DOWN]] = 0.1, 0.7
-    assert most_followed_path(model, right_then_down) == [0, 1, 2, 5]
-    assert most_followed_path(model, np.eye(4)[[UP] * 6]) == [0, 0]
+    assert model.most_followed_path(right_then_down) == [0, 1, 2, 5]
+    assert model.most_followed_path(np.eye(4)[[UP] * 6]) == [0, 0]
     back = np.eye(4)[[RIGHT, LEFT, 0, 0, 0, 0]]
-    assert most_followed_path(model, back) == [0, 1, 0]
-    assert most_followed_path(model.with_start(np.eye(6)[5]), back) == [5]
+    assert model.most_followed_path(back) == [0, 1, 0]
+    assert model.with_start(np.eye(6)[5]).most_followed_path(back) == [5]
 
 
 def test_renders_text_and_pictures() -> None:
