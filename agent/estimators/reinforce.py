@@ -1,6 +1,6 @@
 """REINFORCE: every-visit Monte-Carlo policy gradient without a baseline (Williams 1992)."""
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 
@@ -17,8 +17,14 @@ class Reinforce(
         experiments, leave it out.
     """
 
+    epochs: ClassVar[int] = 1
+
     gamma: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.99
     entropy_weight: Annotated[float, msgspec.Meta(ge=0)] = 0.03
     episodes: Annotated[int, msgspec.Meta(ge=1)] = 1
     horizon: Annotated[int, msgspec.Meta(ge=1)] = 200
     discount_visits: bool = False
+
+    def weight(self, ratio: Any, gain: Any) -> Any:
+        """``w_t = G_t``."""
+        return gain
