@@ -59,7 +59,9 @@ def task_env(config: SwarmFile, agent: str) -> TabularEnv:
 def evaluate(config: SwarmFile, thetas: NDArray[np.floating]) -> Result:
     """Every agent's policy, theta (N, d), in every agent's task."""
     worlds = [task_env(config, agent) for agent in config.members]
-    policies = [softmax(theta.reshape(worlds[0].model.n_states, -1)) for theta in thetas]
+    shape = (worlds[0].model.n_states, worlds[0].model.n_actions)
+    # A critic's values may follow the logits.
+    policies = [softmax(theta[: shape[0] * shape[1]].reshape(shape)) for theta in thetas]
 
     def table(states: list[NDArray[np.intp]]) -> NDArray[np.float64]:
         return np.array(
