@@ -18,6 +18,7 @@ import typer
 from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
+from deploy.reproduce.cli import app as reproduce
 from swarm.errors import SwarmError
 
 app = typer.Typer(
@@ -26,6 +27,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+
+app.add_typer(reproduce, name="reproduce")
 
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
