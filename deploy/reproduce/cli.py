@@ -27,7 +27,8 @@ STUDIES = {  # name -> module with a function `study`, and what it is about
     "gridworld": "Grid worlds (a) to (e), single agents, and Fig. 2.",
     "rules": "Mixing rules on a ring of 64 agents, and 1024 agents.",
     "faults": "Message loss by mixing rule and policy; delay; partition.",
-    "compression": "Halves and bytes on the wire; start-state mixing; A2C and PPO.",
+    "compression": "Halves and bytes on the wire instead of float32.",
+    "learning": "Start-state mixing repairs (d); A2C and PPO.",
 }
 
 Seeds = Annotated[int, typer.Option(min=1, help="Independent repetitions.")]

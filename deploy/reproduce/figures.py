@@ -15,6 +15,8 @@ BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW, BLACK = COLOURS = (
 )  # fmt: skip
 DPI = 150
 
+__all__ = ["Axes", "Figure", "canvas", "label", "rgb", "save"]
+
 mpl.rcParams.update(
     {
         "font.size": 9,

@@ -12,7 +12,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agent.config import SwarmFile
 from agent.policies import softmax
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
@@ -38,6 +37,8 @@ VALUES = {
     "e": (0.94, None),
 }
 ALMOST_ALL, HARDLY_ANY = 0.95, 0.10
+PATH = "#cfe8c6"
+ROUTES = (figures.BLUE, figures.ORANGE, figures.GREEN, figures.PINK, figures.SKY, figures.BLACK)
 
 
 def study(options: Options) -> Findings:
@@ -128,22 +129,34 @@ def _claims(
 
 
 def draw_fig2(runs: dict[str, Run], path: Path) -> Path:
-    """Goals, obstacles and the paths most followed; the tasks of a layout in one grid, as Fig. 2."""
-    figure, axes = figures.canvas(len(runs), size=(3.0, 3.4))
-    for panel, (layout, run) in zip(axes[0], runs.items(), strict=True):
-        _draw_layout(panel, layout, run.config, run)
+    """Fig. 2: goals, obstacles and the paths most followed, all tasks of a layout in one grid."""
+    figure, axes = figures.canvas(3, 2, size=(3.3, 3.5))
+    for panel, (layout, run) in zip(axes.flat, runs.items(), strict=False):
+        _draw_layout(panel, layout, run)
+    legend = axes[1, 2]
+    legend.axis("off")
+    marks = [
+        ("s", "black", "start of every task"),
+        ("s", figures.YELLOW, "goal (large number: its task)"),
+        ("s", figures.RED, "obstacle (small number: its task)"),
+        ("s", PATH, "cells on a path most followed"),
+    ]
+    marks += [("", colour, f"path of task {n}") for n, colour in enumerate(ROUTES, 1)]
+    for marker, colour, what in marks:
+        legend.plot([], [], marker or "-", color=colour, label=what, markersize=9)
+    legend.legend(loc="center", fontsize=9, title="One policy for all tasks of a grid")
     return figures.save(figure, path)
 
 
-def _draw_layout(panel: figures.Axes, layout: str, config: SwarmFile, run: Run) -> None:
-    plan, referee = LAYOUTS[layout], Referee(config)
+def _draw_layout(panel: figures.Axes, layout: str, run: Run) -> None:
+    plan, referee = LAYOUTS[layout], Referee(run.config)
     rows, columns = plan.size
     policy = softmax(run.thetas.mean(axis=0).reshape(rows * columns, -1))
     models = plan.models()
     colours = np.ones((rows, columns, 3))
     for model in models:
         for state in model.most_followed_path(policy):
-            colours[divmod(state, columns)] = figures.rgb("#cfe8c6")
+            colours[divmod(state, columns)] = figures.rgb(PATH)
     for task in range(plan.n_tasks):
         for cell in plan.obstacles[task]:
             colours[cell] = figures.rgb(figures.RED)
@@ -163,8 +176,8 @@ def _draw_layout(panel: figures.Axes, layout: str, config: SwarmFile, run: Run) 
         path = model.most_followed_path(policy)
         offset = 0.3 * (number / max(1, len(models) - 1) - 0.5)
         cells = np.array([divmod(state, columns) for state in path]) + offset
-        panel.plot(cells[:, 1], cells[:, 0], color=figures.COLOURS[number], linewidth=1.2)
-        panel.plot(cells[-1, 1], cells[-1, 0], "o", color=figures.COLOURS[number], markersize=3)
+        panel.plot(cells[:, 1], cells[:, 0], color=ROUTES[number], linewidth=1.2)
+        panel.plot(cells[-1, 1], cells[-1, 0], "o", color=ROUTES[number], markersize=3)
     panel.plot(plan.start[1], plan.start[0], "s", color="black", markersize=7)
     scores = referee.judge([run.thetas.mean(axis=0)])
     panel.set_title(f"({layout}) {scores.solved[0]} of {plan.n_tasks}, V/V* {scores.share[0]:.2f}")
