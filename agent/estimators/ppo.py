@@ -12,7 +12,7 @@ class PPO(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     episodes: episodes per round.
     horizon: most steps of an episode; where it cuts, the critic says what was to come.
     discount_visits: weigh step t by gamma^t, as Eq. 9 does.
-    trace: the lambda of GAE.
+    trace: the lambda of GAE; see :class:`~agent.estimators.a2c.A2C`.
     value_weight: of the critic's squared error beside the policy's objective.
     clip: how far the ratio may go from 1 while there is more to gain.
     epochs: optimiser steps from the same episodes; their sum is the round's step.
@@ -23,7 +23,7 @@ class PPO(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     episodes: Annotated[int, msgspec.Meta(ge=1)] = 1
     horizon: Annotated[int, msgspec.Meta(ge=1)] = 200
     discount_visits: bool = False
-    trace: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.95
+    trace: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0
     value_weight: Annotated[float, msgspec.Meta(ge=0)] = 0.5
     clip: Annotated[float, msgspec.Meta(gt=0)] = 0.2
     epochs: Annotated[int, msgspec.Meta(ge=1)] = 4
