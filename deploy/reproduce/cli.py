@@ -29,6 +29,7 @@ STUDIES = {  # name -> module with a function `study`, and what it is about
     "faults": "Message loss by mixing rule and policy; delay; partition.",
     "compression": "Halves and bytes on the wire instead of float32.",
     "learning": "Start-state mixing repairs (d); A2C and PPO.",
+    "verify": "The simulator against real processes over Zenoh, bit for bit.",
 }
 
 Seeds = Annotated[int, typer.Option(min=1, help="Independent repetitions.")]
