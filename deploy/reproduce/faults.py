@@ -21,7 +21,7 @@ from swarm.memory import Faults, Partition
 from swarm.mixing import RULES, Missing, Mixing, RuleName
 
 AGENTS, LOSS = 16, 0.3
-SEEDS = 3  # at most
+SEEDS = 2  # at most
 POLICIES: tuple[Missing, ...] = get_args(Missing)
 DELAYS = (1, 3)
 STEADY: tuple[RuleName, ...] = (

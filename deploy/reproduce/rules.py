@@ -29,7 +29,7 @@ from swarm.topology import Topology
 AGENTS, MANY = 64, 1024
 AT_MOST = {"dcpg": 0.30}
 AT_LEAST = {"exact-diffusion": 0.95, "extra": 0.95}
-SEEDS = 3  # at most: the swarms are large and agree to two digits
+SEEDS = 2  # at most: the swarms are large and agree to two digits
 SAMPLES = 20  # points of the learning curves
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ vectors = arrays(
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
+@settings(max_examples=40, deadline=None)
 @given(vector=vectors)
 def test_plain_returns_the_same_bits(precision: str, vector: Vector) -> None:
     wide = vector.astype(precision)
@@ -23,6 +24,7 @@ def test_plain_returns_the_same_bits(precision: str, vector: Vector) -> None:
     assert back.tobytes() == wide.tobytes()
 
 
+@settings(max_examples=40, deadline=None)
 @given(vector=vectors)
 def test_half_is_right_to_eleven_bits(vector: Vector) -> None:
     back = Half().decode(Half().encode(vector), vector.size, vector.dtype)
@@ -35,6 +37,7 @@ def test_half_saturates_instead_of_overflowing() -> None:
     np.testing.assert_array_equal(back, (65504, -65504))
 
 
+@settings(max_examples=40, deadline=None)
 @given(vector=vectors)
 def test_int8_is_right_to_half_a_level_of_its_block(vector: Vector) -> None:
     back = Int8().decode(Int8().encode(vector), vector.size, vector.dtype)

@@ -107,14 +107,14 @@ def test_every_rule_is_its_matrix_form(rule: RuleName) -> None:
 @pytest.mark.parametrize("rule", EXACT)
 def test_the_optimum_of_the_sum_is_reached_exactly(rule: RuleName) -> None:
     problem = Quadratics(2)
-    found = learn(Ring(Mixing(rule=rule)), problem, 2000)
+    found = learn(Ring(Mixing(rule=rule)), problem, 1200)
     np.testing.assert_allclose(found, np.tile(problem.best, (N, 1)), atol=1e-9)
 
 
 @pytest.mark.parametrize("rule", ["dcpg", "atc"])
 def test_plain_mixing_keeps_a_bias(rule: RuleName) -> None:
     problem = Quadratics(2)
-    thetas = learn(Ring(Mixing(rule=rule)), problem, 2000)
+    thetas = learn(Ring(Mixing(rule=rule)), problem, 1200)
     again = Ring(Mixing(rule=rule)).mix(thetas, problem.steps(thetas))
     np.testing.assert_allclose(again, thetas, atol=1e-12)  # it has converged, elsewhere:
     assert np.abs(thetas - problem.best).max() > 0.1
@@ -169,9 +169,9 @@ def test_what_counts_in_place_of_a_lost_message() -> None:
 def test_extra_with_symmetric_drop_still_finds_the_optimum_and_stale_copies_do_not() -> None:
     problem = Quadratics(3)
     loss = Loss(0.3, 1)
-    found = learn(Ring(Mixing(rule="extra", missing="symmetric"), loss), problem, 4000)
+    found = learn(Ring(Mixing(rule="extra", missing="symmetric"), loss), problem, 1000)
     np.testing.assert_allclose(found, np.tile(problem.best, (N, 1)), atol=1e-6)
-    stale = learn(Ring(Mixing(rule="extra", missing="stale"), loss), problem, 4000)
+    stale = learn(Ring(Mixing(rule="extra", missing="stale"), loss), problem, 1000)
     assert np.abs(stale - problem.best).max() > 1
 
 
