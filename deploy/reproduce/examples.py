@@ -201,7 +201,7 @@ def _trap(options: Options) -> tuple[list[Claim], dict[str, list[float]]]:
     configs = [trap_swarm("dcpg", 0.9 * critical, rounds, **TRAP)]
     rules: list[RuleName] = ["dcpg", "atc", "exact-diffusion", "extra", "gradient-tracking"]
     configs += [trap_swarm(rule, 1.1 * critical, rounds, **TRAP) for rule in rules]
-    names = ["dcpg at 0.9 of the critical step", *(f"{rule} at 1.1" for rule in rules)]
+    names = ["dcpg at 0.9", *(f"{rule} at 1.1" for rule in rules)]
     start = np.zeros((2, 10))
     start[:, 2 * S3] = TILT
     courses: dict[str, list[float]] = {name: [] for name in names}
@@ -226,7 +226,7 @@ def _trap(options: Options) -> tuple[list[Claim], dict[str, list[float]]]:
         share = (reached - worst) / (best - worst)
         claims.append(
             bounded(
-                f"{name}: how far from the worst value to the best (left {left:.3f})",
+                f"trap, {name} critical steps: how far from the worst value to the best (left {left:.3f})",
                 share,
                 None if trapped else 0.9,
                 0.01 if trapped else None,
@@ -295,7 +295,7 @@ def _draw(options: Options, courses: dict[str, list[float]]) -> Path:
         axes[0, 2].plot(range(1, len(course) + 1), course, style, color=colour, label=name)
     axes[0, 2].set_xscale("log")
     figures.label(
-        axes[0, 2], "Two agents: who escapes the worst policy", "round", "π(left | S3) of the mean"
+        axes[0, 2], "Two agents, steps of 0.9 and 1.1 critical ones", "round", "π(left | S3), mean"
     )
     axes[0, 2].legend(loc="upper left", fontsize=7)
     return figures.save(figure, options.out / "examples.png")

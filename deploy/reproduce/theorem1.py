@@ -211,7 +211,7 @@ def _draw(
             axes[0, 1].loglog(at, best[:, c], color=figures.COLOURS[GRAPHS.index(kind)],
                               label=f"{kind}, 1 − σ₂ = {spectra[kind].gap:.2g}")  # fmt: skip
     k = np.geomspace(at[-1] / 30, at[-1], 2)
-    axes[0, 0].loglog(k, best[-1, cases.index(("ring", 1))] * 0.5 * k[-1] / k, "k:", label="∝ 1/K")
+    axes[0, 0].loglog(k, best[-1, cases.index(("ring", 100))] * k[-1] / k, "k:", label="∝ 1/K")
     y = "min ‖mean gradient‖², worst agent"
     figures.label(axes[0, 0], "Ring: larger steps are faster ...", "rounds K", y)
     figures.label(axes[0, 1], f"... until the ball (α {TIMES[-1]} ×)", "rounds K", y)
