@@ -1,5 +1,7 @@
 """Policy gradient estimators.  Each file holds one: its settings and its equation, nothing else.
 
+What those that fly episodes have in common stands in :mod:`agent.estimators.sampling`.
+
 An estimate is a mean over episodes of ``sum_t w_t grad log pi(a_t | s_t)``; estimators differ in
 the weight ``w_t`` that they give to a step:
 

@@ -226,7 +226,7 @@ def _trap(options: Options) -> tuple[list[Claim], dict[str, list[float]]]:
         share = (reached - worst) / (best - worst)
         claims.append(
             bounded(
-                f"trap, {name} critical steps: how far from the worst value to the best (left {left:.3f})",
+                f"trap, {name} critical steps: from worst value (0) to best (1), left {left:.3f}",
                 share,
                 None if trapped else 0.9,
                 0.01 if trapped else None,
