@@ -116,7 +116,11 @@ def study(options: Options) -> Findings:
             "agents, and all rules use the same step. ATC escapes because W of two agents averages "
             "exactly: after its exchange the agents no longer lean apart.",
         ],
-        data={"critical_step": critical_step(**TRAP), "trap": TRAP, "chance_of_left": courses},
+        data={
+            "critical_step": critical_step(**TRAP),
+            "trap": TRAP,
+            "chance_of_left_every_20_rounds": {n: course[::20] for n, course in courses.items()},
+        },
         figures=[file],
     )
 

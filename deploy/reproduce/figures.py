@@ -1,5 +1,6 @@
 """The look of all figures: size, type and colours that everybody can tell apart."""
 
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from PIL import Image
 
 # Okabe and Ito 2008, in an order of good contrast on white.
 BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW, BLACK = COLOURS = (
@@ -58,6 +60,8 @@ def label(axes: Axes, title: str, x: str, y: str) -> None:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a PNG."""
-    figure.savefig(path, dpi=DPI)
+    """Write a PNG, small enough for a repository: 128 colours do."""
+    picture = BytesIO()
+    figure.savefig(picture, dpi=DPI)
+    Image.open(picture).convert("RGB").quantize(128).save(path, optimize=True)
     return path

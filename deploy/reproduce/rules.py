@@ -85,7 +85,8 @@ def study(options: Options) -> Findings:
         notes=[
             f"One swarm of {n_agents} agents, {rounds} rounds of 10 episodes: "
             f"{min(seconds):.0f} to {max(seconds):.0f} s on one core (five side by side).",
-            "Gradient tracking follows the mean of noisy steps and needs a smaller one.",
+            "Gradient tracking has no bias either, but the small gap of this ring slows it down "
+            "(with 16 agents it reaches 0.96: see faults).",
         ],
         data=data,
         figures=[_draw(options, curves, places, rounds)],
@@ -142,11 +143,13 @@ def _draw(
         at = np.linspace(0, rounds, len(curve))
         axes[0, 0].plot(at, curve, color=colour, label=rule)
         axes[0, 1].plot(places[rule], color=colour, label=rule)
-    figures.label(axes[0, 0], "Same messages, other rules", "round", "V/V* of the worst agent")
+    figures.label(
+        axes[0, 0], "One exchange a round, other rules", "round", "V/V* of the worst agent"
+    )
     figures.label(axes[0, 1], "Blocks of one task, after the last round", "place on the ring",
                   "V/V* of the agent's policy")  # fmt: skip
     block = len(places["dcpg"]) / 4
     for edge in range(1, 4):
         axes[0, 1].axvline(edge * block - 0.5, color="#bbbbbb", linewidth=1, linestyle=":")
-    axes[0, 0].legend()
+    axes[0, 0].legend(loc=(0.6, 0.4))
     return figures.save(figure, options.out / "rules.png")
