@@ -20,8 +20,6 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from agent.runfolder import PACKAGES
-
 
 class Claim(msgspec.Struct, frozen=True):
     """One line of a study's table.
@@ -171,7 +169,6 @@ def provenance(options: Options, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 1),
     }
     for package in ("dcpg-swarm", "numpy"):
-        assert package in PACKAGES
         try:
             made[package] = version(package)
         except PackageNotFoundError:
