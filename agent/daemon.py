@@ -216,7 +216,9 @@ def _first_checkpoint(
     if resume and (held or begin is not None):
         round_ = held[-1] if begin is None else begin
         path = checkpoint.path_of(folder.checkpoints(agent), round_)
-        return checkpoint.read(path, layout.fingerprint)
+        first = checkpoint.read(path, layout.fingerprint)
+        checkpoint.drop_after(folder.checkpoints(agent), round_)
+        return first
     return Checkpoint(0, layout.fingerprint, learner.initial())
 
 

@@ -89,11 +89,7 @@ def agent(
     _log_to(folder.log(id_), id_, quiet=supervised)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    try:
-        run_agent(config, id_, folder, stop, resume, begin)
-    except SwarmError as error:
-        logging.getLogger("agent").error("%s", error)  # noqa: TRY400  (one line, no traceback)
-        raise
+    run_agent(config, id_, folder, stop, resume, begin)
 
 
 @app.command()

@@ -24,6 +24,7 @@ import msgspec
 
 from agent.config import SwarmFile, load
 from agent.runfolder import RunFolder, open_run
+from agent.tabular import TabularLearner
 from deploy.progress import Progress
 from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
@@ -41,8 +42,9 @@ def prepare(config: SwarmFile, run: Path | None) -> tuple[RunFolder, SwarmFile, 
     """A new run folder and the configuration with ports that are free.
 
     Raises:
-        ConfigError: the folder exists already.
+        ConfigError: the folder exists already, or a task cannot be built.
     """
+    check_tasks(config)
     path = run or RUNS / f"{config.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     suffix = 1
     while run is None and path.exists():
@@ -56,6 +58,22 @@ def prepare(config: SwarmFile, run: Path | None) -> tuple[RunFolder, SwarmFile, 
     if run is None:
         _point_latest_to(path)
     return folder, config, 0
+
+
+def check_tasks(config: SwarmFile) -> None:
+    """Build every task once, so that a mistake is told before anything starts.
+
+    Raises:
+        ConfigError: a task cannot be built, or two tasks do not fit one policy.
+    """
+    parts = {agent: TabularLearner(config, agent).parts for agent in config.members}
+    first = config.members[0]
+    for agent, shape in parts.items():
+        if shape != parts[first]:
+            raise ConfigError(
+                f'task of "{agent}" needs parameters {dict(shape)}: expected those of "{first}", '
+                f"{dict(parts[first])}, for one common policy"
+            )
 
 
 def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile, int]:
