@@ -96,7 +96,7 @@ def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     )
     result = evaluate(config, thetas)
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
-    console = Console()
+    console = Console(highlight=False)
     console.print(result_table(result))
     n_tasks, share = len(result.tasks), np.array(result.value) / result.optimum
     line = f"tasks solved: {min(result.solved)} of {n_tasks} by every agent's policy"

@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from agent.runfolder import RunFolder
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
+    Command,
     agent_pids,
     final_thetas,
     free_base_port,
@@ -141,7 +143,7 @@ def test_single_agents_make_a_swarm_and_an_id_is_taken_once(tmp_path: Path) -> N
     common = ["--set", port, "--set", "rounds=1000000", "--set", "timing.start=0.5"]
     folders = {m: tmp_path / m for m in MEMBERS}
 
-    def start(member: str):
+    def start(member: str) -> AbstractContextManager[Command]:
         return swarm(
             "agent", GRIDWORLD_A, "--id", member, "--run", folders[member], *common, cwd=tmp_path
         )
