@@ -6,7 +6,7 @@ before anything starts.
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -63,6 +63,20 @@ class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rounds: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
+class Pace(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whether agents wait for each other.
+
+    Attributes:
+        mode: ``sync``: every round waits for the neighbours' parameters of that round; ``async``:
+            it takes the newest that are there.
+        staleness: how many rounds apart (async): older parameters do not count, and who falls
+            further behind jumps ahead.
+    """
+
+    mode: Literal["sync", "async"] = "sync"
+    staleness: Annotated[int, msgspec.Meta(ge=1)] = 16
+
+
 class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One experiment.
 
@@ -76,6 +90,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
+        pace: whether agents wait for each other.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.
@@ -92,6 +107,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     optimizer: Optimizer = Sgd()
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
+    pace: Pace = Pace()
     start_mixing: StartMixing = StartMixing()
     loss: Loss = Loss()
     network: Network = Network()

@@ -13,10 +13,10 @@ outstanding the own message is sent again, at growing intervals: it may be the o
 import logging
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
-from types import TracebackType
+from types import MappingProxyType, TracebackType
 from typing import Self
 
 import msgspec
@@ -29,15 +29,21 @@ from swarm.payload import PROTOCOL, Layout, Message, ParameterHeader, decode, en
 from swarm.roster import Roster
 
 log = logging.getLogger(__name__)
+PATIENCE = 4.0  # see Timing
+REMEMBERED = 32  # rounds whose duration sets the deadline
 KEPT = 4  # messages kept per sender: neighbours in step are never further apart than one round
 
 
 class Timing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Every wait of an agent [s].
 
+    A round's deadline adapts: :data:`PATIENCE` times what nine of ten recent rounds needed, within
+    floor and ceiling.
+
     Attributes:
         start: for the other agents of the file at the beginning; then it goes on without them.
-        round: for the neighbours' parameters in one round.
+        round: ceiling of the wait for the neighbours' parameters in one round.
+        round_floor: its floor; a machine may stall for a moment.
         resend: until the own parameters are sent again; doubles each time.
         state: for a neighbour's newest parameters when joining.
         finish: for the neighbours' last round before leaving.
@@ -45,6 +51,7 @@ class Timing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     start: float = 60.0
     round: float = 30.0
+    round_floor: float = 2.0
     resend: float = 0.25
     state: float = 2.0
     finish: float = 2.0
@@ -79,12 +86,14 @@ class Gathered:
     Attributes:
         arrived: messages of this round by neighbour.
         missing: neighbours without one.
+        newest: newest message of each neighbour, of whatever round.
         ahead: newest round heard from a neighbour that has left this one behind, or None.
         waited: time spent waiting [s].
     """
 
     arrived: dict[str, Message]
     missing: tuple[str, ...]
+    newest: dict[str, Message]
     ahead: int | None
     waited: float
 
@@ -112,6 +121,14 @@ def awaited(
         and agent not in late
         and max(newest.get(agent, ()), default=-1) < round_
     }
+
+
+def deadline(durations: Collection[float], timing: Timing) -> float:
+    """How long a round may take [s], given how long recent ones took from publishing on [s]."""
+    if not durations:
+        return timing.round
+    usual = sorted(durations)[int(0.9 * (len(durations) - 1))]
+    return min(max(PATIENCE * usual, timing.round_floor), timing.round)
 
 
 class Exchange:
@@ -142,6 +159,9 @@ class Exchange:
         self._members, self._layout, self._codec, self._timing = members, layout, codec, timing
         self._boxes: dict[str, Box] = {}
         self._late: set[str] = set()
+        self._round = 0
+        self._published = 0.0  # monotonic time of the round's publication [s]
+        self._durations: deque[float] = deque(maxlen=REMEMBERED)
         self._news = threading.Condition()
         self._rejected: Counter[str] = Counter()
         self._complained: set[tuple[str, str]] = set()
@@ -174,7 +194,8 @@ class Exchange:
             return
         with self._news:
             self._boxes.setdefault(sender, Box()).store(message)
-            self._late.discard(sender)
+            if message.header.round >= self._round:
+                self._late.discard(sender)
             self._news.notify_all()
 
     def _reject(self, sender: str, error: PayloadError) -> None:
@@ -201,10 +222,19 @@ class Exchange:
 
     # --- out --------------------------------------------------------------------------------
 
-    def publish(self, round_: int, neighbours: tuple[str, ...], body: bytes) -> None:
+    def publish(
+        self,
+        round_: int,
+        neighbours: tuple[str, ...],
+        body: bytes,
+        used: Mapping[int, Mapping[str, float]] = MappingProxyType({}),
+    ) -> None:
         """Send this round's parameters; returns as soon as Zenoh has queued them."""
         header = self._header(self._layout, round_, neighbours)
+        accounts = {past: dict(weights) for past, weights in used.items()}
+        header = msgspec.structs.replace(header, used=accounts)
         self._outgoing = (encode_header(header), body)
+        self._round, self._published = round_, time.monotonic()
         self._send()
 
     def _send(self) -> None:
@@ -238,10 +268,11 @@ class Exchange:
             neighbours: whose.
             roster: who is present.
             stop: set when the agent must end; gather then returns what it has.
-            limit: deadline [s]; default :attr:`Timing.round`.
+            limit: how long after publishing [s]; by default :func:`deadline` of recent rounds.
         """
         start = time.monotonic()
-        end = start + (self._timing.round if limit is None else limit)
+        wait = deadline(self._durations, self._timing) if limit is None else limit
+        end = max(start, self._published + wait)
         resend_at, interval = start + self._timing.resend, self._timing.resend
         with self._news:
             while True:
@@ -256,7 +287,7 @@ class Exchange:
                         "round %d: no parameters from %s within %.1f s, going on without",
                         round_,
                         ", ".join(sorted(open_)),
-                        now - start,
+                        now - self._published,
                     )
                     break
                 if now >= resend_at:
@@ -271,9 +302,23 @@ class Exchange:
             }
             missing = tuple(agent for agent in neighbours if agent not in arrived)
             ahead = max((self._boxes[a].newest() for a in missing if a in self._boxes), default=-1)
-        return Gathered(
-            arrived, missing, ahead if ahead > round_ else None, time.monotonic() - start
-        )
+            newest = self._newest(neighbours)
+        now = time.monotonic()
+        self._durations.append(now - self._published)
+        return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
+
+    def look(self, round_: int, neighbours: tuple[str, ...], staleness: int) -> Gathered:
+        """Take what is there, without waiting: messages at most ``staleness`` rounds old."""
+        with self._news:
+            newest = self._newest(neighbours)
+        arrived = {a: m for a, m in newest.items() if m.header.round >= round_ - staleness}
+        missing = tuple(agent for agent in neighbours if agent not in arrived)
+        ahead = max((m.header.round for m in newest.values()), default=-1) - staleness
+        return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, 0.0)
+
+    def _newest(self, neighbours: tuple[str, ...]) -> dict[str, Message]:
+        boxes = {agent: self._boxes[agent] for agent in neighbours if agent in self._boxes}
+        return {agent: box.messages[box.newest()] for agent, box in boxes.items() if box.messages}
 
     # --- joining ----------------------------------------------------------------------------
 

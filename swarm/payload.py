@@ -20,7 +20,7 @@ from swarm.compression import Codec, FloatType
 from swarm.errors import PayloadError
 
 PROTOCOL = 1  # raise it when the meaning of a header or body changes
-HEADER_LIMIT = 4096  # [bytes]
+HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
 Precision = Literal["float32", "float64"]
@@ -72,6 +72,8 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
         round: number of the round that the parameters enter.
         neighbours: with whom the sender exchanges in this round; an edge counts when both name
             each other, and its weight follows from both lists' lengths.
+        used: weights that the sender used in its last rounds, by round and neighbour; see
+            :mod:`swarm.ledger`.
     """
 
     version: int
@@ -80,6 +82,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     incarnation: str
     round: int
     neighbours: tuple[str, ...]
+    used: dict[int, dict[str, float]] = {}
 
 
 @dataclass(frozen=True, slots=True)

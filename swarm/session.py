@@ -87,7 +87,7 @@ def open_session(
     Raises:
         NetworkError: it cannot be opened; most often the port is taken.
     """
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or("off")
     try:
         session = zenoh.open(configuration(network, listen, connect))
     except zenoh.ZError as error:
