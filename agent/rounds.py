@@ -95,6 +95,8 @@ class Rounds:
             return None
         arrived = self._counting(round_, gathered)
         weights = self._weights(nearby, gathered)
+        if self.config.pace == "async":
+            weights = {sender: weights[sender] for sender in arrived}
         new = self.mixer.mix(theta, step.vector, arrived, weights)
         self.ledger.record(round_, {n: weights[n] for n in self.mixer.shares}, self.mixer.shares)
         return Outcome(
@@ -112,8 +114,8 @@ class Rounds:
         self.exchange.publish(round_, nearby, body, self.ledger.used)
 
     def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
-        if self.config.pace.mode == "async":
-            return self.exchange.look(round_, nearby, self.config.pace.staleness)
+        if self.config.pace == "async":
+            return self.exchange.look(nearby, self.config.rounds)
         return self.exchange.gather(round_, nearby, self.roster, self.stop)
 
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
