@@ -15,6 +15,8 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from agent.config import SwarmFile
 from agent.learner import Learner, Step, Vector
 from swarm.consensus import disagreement
@@ -111,12 +113,13 @@ class Rounds:
 
     def _publish(self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector) -> None:
         body = self.mixer.outgoing(theta, step)
-        self.exchange.publish(round_, nearby, body, self.ledger.used)
+        norm = float(np.linalg.norm(theta))
+        self.exchange.publish(round_, nearby, body, self.ledger.used, norm)
 
     def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
         if self.config.pace == "async":
             return self.exchange.look(nearby, self.config.rounds)
-        return self.exchange.gather(round_, nearby, self.roster, self.stop)
+        return self.exchange.gather(round_, nearby, self.stop)
 
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
         """Messages of neighbours that also count us, less those lost on purpose."""
