@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -27,6 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
@@ -172,7 +174,9 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
 
 def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
     """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [logging.FileHandler(path)]
+    handlers: list[logging.Handler] = [
+        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
+    ]
     if not quiet:
         handlers.append(logging.StreamHandler())
     logging.basicConfig(
