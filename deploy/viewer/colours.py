@@ -16,7 +16,6 @@ FREE: Colour = (38, 42, 48)
 START: Colour = (110, 116, 124)
 LINES: Colour = (20, 22, 25)
 ABSENT: Colour = (90, 90, 90)
-TEXT: Colour = (190, 190, 190)
 
 
 def of_agent(place: int) -> Colour:

@@ -47,7 +47,7 @@ class Row(NamedTuple):
 
 
 class Node(NamedTuple):
-    """A node of the graph view; a label starts a box, without one it is a dot."""
+    """A node of the graph view."""
 
     name: str
     label: str
@@ -93,17 +93,8 @@ class Scene:
     def still(self) -> Iterator[tuple[str, rr.AsComponents]]:
         """What is logged once: entity and data."""
         for agent, world in self.worlds.items():
-            for name, what in world.still():
+            for name, what in world.still(self.colours[agent]):
                 yield f"worlds/{agent}/{name}", what
-            look = [self.colours[agent]]
-            yield (
-                f"worlds/{agent}/path",
-                rr.LineStrips2D.from_fields(colors=look, radii=[0.08], draw_order=2.0),
-            )
-            yield (
-                f"worlds/{agent}/drone",
-                rr.Points2D.from_fields(colors=look, radii=[0.22], draw_order=3.0),
-            )
         for agent, colour in self.colours.items():
             for plot in PLOTS:
                 yield f"{plot}/{agent}", rr.SeriesLines(names=[agent], colors=[colour])
@@ -155,9 +146,13 @@ class Scene:
             ),
             row_shares=[3, 2],
         )
+        ever = (
+            rr.TimeRangeBoundary.infinite()
+        )  # by default a live plot shows the newest rounds only
+        axis = rrb.TimeAxis(view_range=rr.TimeRange(ever, ever))
         plots = rrb.Vertical(
             *(
-                rrb.TimeSeriesView(name=name, origin=plot, plot_legend=corner)
+                rrb.TimeSeriesView(name=name, origin=plot, plot_legend=corner, axis_x=axis)
                 for plot, (name, corner) in PLOTS.items()
             )
         )

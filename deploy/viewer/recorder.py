@@ -7,6 +7,13 @@ import rerun as rr
 
 from deploy.viewer.drawing import Row, Scene
 from deploy.viewer.moments import Moment
+from swarm.errors import SwarmError
+
+FLUSH = 20.0  # [s] for a viewer to take what it is sent, or to open its window first
+
+
+class StreamBrokenError(SwarmError):
+    """Nobody takes the data any more: the viewer was closed, the disk is full."""
 
 
 class Recorder:
@@ -18,7 +25,11 @@ class Recorder:
             stream.log(path, what, static=True)
 
     def take(self, moments: Sequence[Moment]) -> None:
-        """Write what these moments add."""
+        """Write what these moments add.
+
+        Raises:
+            StreamBrokenError: it does not arrive.
+        """
         tracks: dict[str, list[Row]] = {}
         for before, now in pairwise([self._last, *moments]):
             for row in self._scene.rows(before, now):
@@ -30,3 +41,7 @@ class Recorder:
             ]
             self._stream.send_columns(path, times, rows[0].draw([row.value for row in rows]))
         self._last = moments[-1] if moments else self._last
+        try:
+            self._stream.flush(timeout_sec=FLUSH)
+        except RuntimeError as error:
+            raise StreamBrokenError(f"the recording has broken off: {error}") from None

@@ -18,7 +18,7 @@ from agent.runfolder import RunFolder
 from deploy.status import Target, observe
 from deploy.viewer.drawing import Scene
 from deploy.viewer.moments import Moment, history
-from deploy.viewer.recorder import Recorder
+from deploy.viewer.recorder import FLUSH, Recorder, StreamBrokenError
 from swarm.errors import ConfigError, NetworkError, SwarmError
 from swarm.keys import Keys
 from swarm.roster import Roster
@@ -28,7 +28,6 @@ LOOK = 3.0  # [s] for somebody to be seen
 TICK = 0.5  # [s] between moments
 BATCH = 20  # moments that go to a file together: a column costs 1 kB, however short
 GONE = 2.0  # [s] without anybody: the swarm has ended
-START = 20.0  # [s] for the viewer to open its window
 MEMORY = "2GB"  # of the viewer; it drops the oldest data beyond
 NO_DISPLAY = "the viewer needs a display, and there is none: expected --save FILE.rrd"
 
@@ -134,7 +133,13 @@ def _recording(config: SwarmFile, save: Path | None) -> Iterator[Recorder]:
             stream.save(save, default_blueprint=scene.blueprint())
         else:
             _spawn(stream, scene)
-        yield Recorder(stream, scene)
+        try:
+            yield Recorder(stream, scene)
+        except StreamBrokenError:
+            stream.disconnect()
+            if save is not None:
+                raise
+            print("the viewer was closed")
 
 
 def _spawn(stream: rr.RecordingStream, scene: Scene) -> None:
@@ -151,7 +156,7 @@ def _spawn(stream: rr.RecordingStream, scene: Scene) -> None:
             default_blueprint=scene.blueprint(),
             recording=stream,
         )
-        stream.flush(timeout_sec=START)
+        stream.flush(timeout_sec=FLUSH)
     except RuntimeError as error:
         stream.disconnect()
         raise SwarmError(f"{NO_DISPLAY} ({error})") from None

@@ -1,7 +1,8 @@
 """The tasks' worlds: what stands still in them, and where things are.
 
 A tabular task is a picture of cells: a grid world as its grid, any other as one row of states.
-Units are cells; x is the column and y the row, from the top left.
+Units are cells; x is the column and y the row, from the top left.  Another kind of world is another
+class beside :class:`CellWorld`, and a line in :func:`world_of`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -48,8 +49,8 @@ class CellWorld:
         rows, columns = np.divmod(np.asarray(states, np.intp), self.cells.shape[1])
         return np.stack([columns, rows], axis=-1) + 0.5
 
-    def still(self) -> Iterator[tuple[str, rr.AsComponents]]:
-        """What never moves: names below the world's entity, and data."""
+    def still(self, colour: colours.Colour) -> Iterator[tuple[str, rr.AsComponents]]:
+        """What never changes: names below the world's entity, and data; ``colour`` of the agent."""
         rows, columns = self.cells.shape
         lines = [[(0, y), (columns, y)] for y in range(1, rows)]
         lines += [[(x, 0), (x, rows)] for x in range(1, columns)]
@@ -57,6 +58,10 @@ class CellWorld:
         yield "cells", rr.AnnotationContext(legend)
         yield "cells", rr.SegmentationImage(self.cells, opacity=1.0, draw_order=0.0)
         yield "lines", rr.LineStrips2D(lines, colors=[colours.LINES], radii=[0.02], draw_order=1.0)
+        path = rr.LineStrips2D.from_fields(colors=[colour], radii=[0.08], draw_order=2.0)
+        drone = rr.Points2D.from_fields(colors=[colour], radii=[0.22], draw_order=3.0)
+        yield "path", path
+        yield "drone", drone
 
     def view(self, name: str, origin: str) -> rrb.View:
         """All of it, filling the view."""

@@ -284,6 +284,14 @@ def test_a_swarm_of_worlds_unknown_shows_everything_else(tmp_path: Path) -> None
     assert not any(entity.startswith("/worlds") for entity in entities)
 
 
+def test_an_agent_alone_has_a_graph_without_edges(tmp_path: Path) -> None:
+    config = msgspec.structs.replace(RING, agents=RING.agents[:1])
+    alone, path = ring(0, 0, weights={}), tmp_path / "recording.rrd"
+    record_run(folder_of([alone], tmp_path / "run", config), config, path)
+    assert columns(path, "/graph", "GraphNodes:node_ids") == ([0], [["drone0"]])
+    assert columns(path, "/graph", "GraphEdges:edges") == ([0], [[]])
+
+
 def test_an_empty_run_is_an_empty_recording(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     record_run(folder_of([], tmp_path / "run"), RING, path)
@@ -310,6 +318,23 @@ def test_a_viewer_that_does_not_start_is_one_line(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(session, "_watch", lambda config, save: False)
     with pytest.raises(SwarmError, match=r"--save FILE\.rrd \(no window\)"):
         view(Target(RING, RunFolder(Path("none"))), None, None)
+
+
+def test_closing_the_viewer_ends_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(timeout_sec: float) -> None:
+        raise RuntimeError("severed")
+
+    def spawn(stream: rr.RecordingStream, scene: Scene) -> None:
+        stream.save(tmp_path / "instead.rrd")
+        monkeypatch.setattr(stream, "flush", broken)
+        monkeypatch.setattr(stream, "disconnect", lambda: monkeypatch.delattr(stream, "flush"))
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(session, "_spawn", spawn)
+    view(Target(RING, folder_of([ring(0)], tmp_path / "run")), None, False)
+    assert capsys.readouterr().out == "the viewer was closed\n"
 
 
 def test_with_nobody_there_it_shows_the_folder_if_it_may(
