@@ -113,8 +113,9 @@ def run_agent(
         _serve_status(session, keys, (agent, incarnation), config, rounds, life)
         roster.announce(agent, incarnation)
         log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
-        unfinished = life.at.round < config.rounds
-        if unfinished and (absent := roster.wait_for(config.members, config.timing.start, stop)):
+        # One who comes back alone goes on at once; a swarm begins, or resumes, together.
+        together = begin is not None or life.at.round == 0
+        if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
             log.warning(
                 "round %d: %s not here after %.0f s, going on without",
                 life.at.round,
@@ -216,7 +217,9 @@ def _first_checkpoint(
     if resume and (held or begin is not None):
         round_ = held[-1] if begin is None else begin
         path = checkpoint.path_of(folder.checkpoints(agent), round_)
-        return checkpoint.read(path, layout.fingerprint)
+        first = checkpoint.read(path, layout.fingerprint)
+        checkpoint.drop_after(folder.checkpoints(agent), round_)
+        return first
     return Checkpoint(0, layout.fingerprint, learner.initial())
 
 
@@ -275,6 +278,7 @@ def _serve_status(
             disagreement=report.disagreement if report else None,
             sketch=tuple(sketch(life.at.theta).tolist()),
             rejected=rounds.exchange.rejected,
+            one_sided=rounds.ledger.one_sided,
             memory_mb=_resident_mb(),
         )
         query.reply(keys.status(agent), msgspec.msgpack.encode(status))

@@ -50,18 +50,25 @@ def up(
         Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME-DATE.")
     ] = None,
     record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
+    chaos: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
+    ] = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
+    from deploy.chaos import load_faults  # noqa: PLC0415
     from deploy.local import launch, prepare, resume_run  # noqa: PLC0415
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
     if resume is not None:
         folder, config, begin = resume_run(resume, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
     else:
         assert file is not None
-        folder, config, begin = prepare(load(file, settings or ()), run)
-    raise typer.Exit(launch(folder, config, begin, record))
+        config = load(file, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
+        folder, config, begin = prepare(config, run)
+    raise typer.Exit(launch(folder, config, begin, record, faults))
 
 
 @app.command()
@@ -89,11 +96,7 @@ def agent(
     _log_to(folder.log(id_), id_, quiet=supervised)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    try:
-        run_agent(config, id_, folder, stop, resume, begin)
-    except SwarmError as error:
-        logging.getLogger("agent").error("%s", error)  # noqa: TRY400  (one line, no traceback)
-        raise
+    run_agent(config, id_, folder, stop, resume, begin)
 
 
 @app.command()

@@ -75,6 +75,8 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         value, disagreement: of the newest report.
         sketch: of its parameters.
         rejected: messages refused, by cause.
+        one_sided: edges that only one end used in a round; 0 while W is symmetric on what was
+            really exchanged.
         memory_mb: resident memory [MB].
     """
 
@@ -89,6 +91,7 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     disagreement: float | None = None
     sketch: tuple[float, ...] = ()
     rejected: dict[str, int] = {}
+    one_sided: int = 0
     memory_mb: float = 0.0
 
 
