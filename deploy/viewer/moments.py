@@ -12,7 +12,7 @@ import numpy as np
 
 from agent.config import SwarmFile
 from agent.runfolder import RunFolder
-from swarm.consensus import consensus_errors
+from swarm.consensus import sketch_errors
 from swarm.telemetry import RoundReport
 from swarm.topology import graph
 
@@ -106,11 +106,7 @@ def links(config: SwarmFile, moment: Moment) -> Links:
 def errors(moment: Moment) -> dict[str, float]:
     """Each agent's distance from the mean of all; empty unless all their reports have sketches."""
     sketches = {agent: report.sketch for agent, report in moment.reports.items()}
-    lengths = {len(sketch) for sketch in sketches.values()}
-    if len(lengths) != 1 or 0 in lengths:
-        return {}
-    distances = consensus_errors(np.array(list(sketches.values())))
-    return dict(zip(sketches, distances.tolist(), strict=True))
+    return sketch_errors(sketches) if all(sketches.values()) else {}
 
 
 def events(before: Moment, now: Moment, rounds: int) -> list[Event]:

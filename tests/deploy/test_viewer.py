@@ -4,6 +4,7 @@ import threading
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -79,10 +80,10 @@ def folder_of(moments: list[Moment], path: Path, config: SwarmFile = RING) -> Ru
     return folder
 
 
-def columns(path: Path, entity: str, component: str) -> tuple[list[int], list[object]]:
+def columns(path: Path, entity: str, component: str) -> tuple[list[int], list[Any]]:
     """Rounds and values of a component, in the recording's order; times must be there too."""
     rounds: list[int] = []
-    values: list[object] = []
+    values: list[Any] = []
     for chunk in RrdReader(path).stream():
         batch = None if chunk.is_static else chunk.to_record_batch()
         if chunk.entity_path == entity and batch is not None:
