@@ -80,9 +80,10 @@ def _watch(config: SwarmFile, save: Path | None) -> bool:
     """Show a running swarm until it ends or we are told to; False if there is none."""
     keys, somebody = Keys(config.name), threading.Event()
     inbox: queue.SimpleQueue[RoundReport] = queue.SimpleQueue()
-    with observe(config) as session, Roster(session, keys, somebody.set) as roster:
+    with observe(config) as session, Roster(session, keys) as roster:
+        roster.call_on_change(somebody.set)
         watch_reports(session, keys, inbox.put)
-        if not somebody.wait(LOOK):
+        if not roster.present() and not somebody.wait(LOOK):
             return False
         with _recording(config, save) as recorder, _interruptible() as stop:
             print(f"watching swarm {config.name} until it ends; stop with Ctrl-C", flush=True)
