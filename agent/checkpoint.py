@@ -72,6 +72,13 @@ def write(folder: Path, checkpoint: Checkpoint) -> Path:
     return final
 
 
+def drop_after(folder: Path, round_: int) -> None:
+    """Remove checkpoints of later rounds: those rounds are about to be played anew."""
+    for later in rounds_in(folder):
+        if later > round_:
+            path_of(folder, later).unlink(missing_ok=True)
+
+
 def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
     """Read a checkpoint.
 

@@ -5,13 +5,12 @@ import time
 from types import TracebackType
 from typing import Self
 
-import numpy as np
 from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
 from agent.config import SwarmFile
-from swarm.consensus import consensus_errors
+from swarm.consensus import sketch_errors
 from swarm.telemetry import RoundReport
 
 LINES_EVERY = 2.0  # [s] between lines where the output is not a terminal
@@ -41,10 +40,18 @@ class Progress:
             self._first.setdefault(report.agent, report)
             self._reports[report.agent] = report
 
+    @property
+    def complete(self) -> bool:
+        """Whether every agent has reported."""
+        with self._lock:
+            return len(self._reports) == len(self._config.members)
+
     def say(self, text: str) -> None:
         """Print one line above the live table."""
         elapsed = time.monotonic() - self._start
-        self._console.print(f"[{elapsed:6.1f} s] {text}", highlight=False, markup=False)
+        self._console.print(
+            f"[{elapsed:6.1f} s] {text}", highlight=False, markup=False, soft_wrap=True
+        )
 
     def show(self) -> None:
         """Refresh."""
@@ -55,14 +62,6 @@ class Progress:
         elif reports and time.monotonic() >= self._next_line:
             self._next_line = time.monotonic() + LINES_EVERY
             self.say(self._line(reports))
-
-    def _errors(self, reports: dict[str, RoundReport]) -> dict[str, float]:
-        """Distance of each agent from the mean, from the newest sketches."""
-        newest = {a: r.sketch for a, r in reports.items() if r.sketch}
-        if len({len(sketch) for sketch in newest.values()}) != 1:
-            return {}
-        errors = consensus_errors(np.array(list(newest.values())))
-        return dict(zip(newest, errors.tolist(), strict=True))
 
     def _time_left(self, reports: dict[str, RoundReport]) -> float | None:
         """Seconds to the end at the pace so far [s]."""
@@ -75,7 +74,7 @@ class Progress:
 
     def _line(self, reports: dict[str, RoundReport]) -> str:
         rounds = [report.round for report in reports.values()]
-        errors, left = self._errors(reports), self._time_left(reports)
+        errors, left = _errors(reports), self._time_left(reports)
         parts = [
             f"round {min(rounds)}/{self._config.rounds}",
             f"agents {len(reports)}/{len(self._config.members)}",
@@ -85,7 +84,7 @@ class Progress:
         return ", ".join(parts) + (f", {left:.0f} s left" if left is not None else "")
 
     def _table(self, reports: dict[str, RoundReport]) -> Table:
-        errors = self._errors(reports)
+        errors = _errors(reports)
         left = self._time_left(reports) if reports else None
         title = f"swarm {self._config.name}"
         table = Table(title=title + (f", {left:.0f} s left" if left is not None else ""))
@@ -119,3 +118,8 @@ class Progress:
         tb: TracebackType | None,
     ) -> None:
         self._live.stop()
+
+
+def _errors(reports: dict[str, RoundReport]) -> dict[str, float]:
+    """Distance of each agent from the mean, from the newest sketches."""
+    return sketch_errors({agent: report.sketch for agent, report in reports.items()})

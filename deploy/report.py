@@ -106,7 +106,7 @@ def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     )
     result = evaluate(config, thetas)
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
-    console = Console()
+    console = Console(highlight=False)
     console.print(result_table(result))
     line = f"tasks solved: {min(result.solved)} of {len(result.tasks)} by every agent's policy"
     low, high = min(result.value), max(result.value)
@@ -172,7 +172,7 @@ def show_topology(config: SwarmFile, as_json: bool) -> None:
         table.add_row(member, *(f"{w:.3f}" if w else "." for w in row))
     console.print(table)
     console.print("edges: " + ", ".join(f"{a}-{b}" for a, b in edges))
-    console.print("eigenvalues: " + " ".join(f"{value:.4f}" for value in values.eigenvalues))
+    console.print("eigenvalues: " + " ".join(f"{v:.4f}" for v in values.eigenvalues))
     console.print(
         f"sigma_2 {values.second:.4f}, spectral gap {values.gap:.4f}, "
         f"smallest eigenvalue {values.smallest:.4f}"

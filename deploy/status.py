@@ -11,14 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
-import numpy as np
 import zenoh
 from rich.console import Console
 from rich.table import Table
 
 from agent.config import SwarmFile, load
 from agent.runfolder import RunFolder
-from swarm.consensus import consensus_errors
+from swarm.consensus import sketch_errors
 from swarm.errors import ConfigError
 from swarm.keys import Keys
 from swarm.session import open_session
@@ -103,10 +102,7 @@ def judge(config: SwarmFile, answers: dict[str, AgentStatus]) -> SwarmStatus:
         if answer.rejected:
             counts = ", ".join(f"{cause} {n}" for cause, n in sorted(answer.rejected.items()))
             problems.append(f"{name} rejected messages: {counts}")
-    errors: dict[str, float] = {}
-    if answers:
-        sketches = np.array([answer.sketch for answer in answers.values()])
-        errors = dict(zip(answers, consensus_errors(sketches).tolist(), strict=True))
+    errors = sketch_errors({name: answer.sketch for name, answer in answers.items()})
     return SwarmStatus(
         swarm=config.name,
         health="nobody" if not answers else "degraded" if problems else "healthy",
@@ -151,7 +147,7 @@ def _print(config: SwarmFile, summary: SwarmStatus) -> None:
             answer.state,
             f"{answer.round}/{answer.rounds}",
             "-" if answer.value is None else f"{answer.value:.3f}",
-            f"{summary.errors[name]:.3f}",
+            f"{summary.errors[name]:.3f}" if name in summary.errors else "-",
             nearby,
             f"{answer.memory_mb:.0f}",
         )

@@ -7,6 +7,7 @@ one of :data:`SKETCH` buckets.  Sketches are linear, so an observer can average 
 the norm of a difference is right to about ``sqrt(2 / SKETCH)`` = 9%, exact for vectors that fit.
 """
 
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -34,6 +35,15 @@ def consensus_errors(vectors: NDArray[np.floating]) -> NDArray[np.float64]:
     """``||v_i - mean v||`` for each row of ``vectors`` (N, d), parameters or sketches."""
     wide = np.asarray(vectors, np.float64)
     return np.asarray(np.linalg.norm(wide - wide.mean(axis=0), axis=1))
+
+
+def sketch_errors(sketches: Mapping[str, Sequence[float]]) -> dict[str, float]:
+    """Consensus error of each agent from its sketch; empty unless all are of one length."""
+    given = {agent: sketch for agent, sketch in sketches.items() if len(sketch)}
+    if len({len(sketch) for sketch in given.values()}) != 1:
+        return {}
+    errors = consensus_errors(np.array(list(given.values())))
+    return dict(zip(given, errors.tolist(), strict=True))
 
 
 def disagreement(theta: Vector, others: list[Vector]) -> float:

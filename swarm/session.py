@@ -10,7 +10,7 @@ import os
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, Literal
 
 # Threads that close the sockets of lost peers block; with too few, losses are seen late.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
@@ -28,18 +28,19 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How agents find and reach each other.
 
     Attributes:
+        discovery: ``endpoints`` dials the other agents' endpoints and sends nothing else anywhere;
+            ``multicast`` dials nobody and looks for peers by UDP multicast.
         host: address on which agents listen that have no ``endpoint`` of their own.
         base_port: agent number i of the file listens on ``base_port + i``.
-        multicast: also discover by UDP multicast.  Off: no packet leaves the machine.
-        multicast_interface: address or name of the interface for it; ``auto`` asks the system.
+        multicast_interface: address or name of the interface; ``auto`` asks the system.
         gossip: peers tell each other of peers, so that one known address suffices.
         lease_ms: a peer that is silent for so long counts as gone [ms].
         shared_memory: large payloads between processes of one machine go through /dev/shm.
     """
 
+    discovery: Literal["endpoints", "multicast"] = "endpoints"
     host: str = "127.0.0.1"
     base_port: int = 7450
-    multicast: bool = False
     multicast_interface: str = "auto"
     gossip: bool = True
     lease_ms: int = 2000
@@ -47,11 +48,11 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def configuration(network: Network, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
-    """Zenoh's configuration for a peer that listens here and dials there."""
+    """Zenoh's configuration for a peer that listens here and, if it may, dials there."""
     values: dict[str, Any] = {
         "mode": "peer",
         "listen/endpoints": list(listen),
-        "connect/endpoints": list(connect),
+        "connect/endpoints": list(connect) if network.discovery == "endpoints" else [],
         # Seeds may start later than we do: keep trying, never fail.
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
@@ -60,7 +61,7 @@ def configuration(network: Network, listen: Sequence[str], connect: Sequence[str
             "period_max_ms": 1000,
             "period_increase_factor": 1.5,
         },
-        "scouting/multicast/enabled": network.multicast,
+        "scouting/multicast/enabled": network.discovery == "multicast",
         "scouting/multicast/interface": network.multicast_interface,
         "scouting/gossip/enabled": network.gossip,
         "scouting/gossip/autoconnect_strategy": {"peer": {"to_peer": "greater-zid"}},
@@ -86,7 +87,7 @@ def open_session(
     Raises:
         NetworkError: it cannot be opened; most often the port is taken.
     """
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or("off")
     try:
         session = zenoh.open(configuration(network, listen, connect))
     except zenoh.ZError as error:

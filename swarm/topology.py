@@ -145,5 +145,6 @@ class Spectrum(msgspec.Struct, frozen=True):
 def spectrum(W: NDArray[np.float64]) -> Spectrum:
     """Eigenvalues of a symmetric W."""
     values = np.linalg.eigvalsh(W)[::-1]
+    values[np.abs(values) < 1e-12] = 0.0  # rounding
     second = float(np.sort(np.abs(values))[-2]) if len(values) > 1 else 0.0
     return Spectrum(tuple(float(v) for v in values), second, float(values[-1]), 1.0 - second)
