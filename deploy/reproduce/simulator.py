@@ -25,12 +25,18 @@ from deploy.reproduce.worlds import Worlds
 from sim.tabular.episodes import Sampler
 from sim.tabular.mdp import FiniteMDP, Floats
 from swarm.consensus import consensus_errors
-from swarm.errors import ConfigError
+from swarm.errors import ConfigError, SwarmError
 from swarm.memory import Faults, MemoryExchange
 from swarm.mixing import Mixer
 from swarm.topology import lazy_metropolis, neighbours
 
 Vectors = NDArray[np.floating]
+
+
+class DivergenceError(SwarmError):
+    """The parameters of a simulated swarm have grown beyond all numbers."""
+
+
 Observe = Callable[[int, list[Vectors]], None]
 
 
@@ -89,6 +95,7 @@ def simulate_together(
     Raises:
         ConfigError: the swarms do not fit together.
         TaskError: a task cannot be built.
+        DivergenceError: the parameters do.
     """
     common = configs[0]
     for config in configs[1:]:
@@ -111,7 +118,10 @@ def simulate_together(
     for round_ in range(common.rounds):
         if observe is not None:
             observe(round_, thetas)
-        steps, value = fleet.step(np.concatenate(thetas), round_)
+        stacked = np.concatenate(thetas)
+        if not np.isfinite(stacked).all():
+            raise DivergenceError(f"round {round_}: parameters are not finite")
+        steps, value = fleet.step(stacked, round_)
         values.append(value)
         consensus.append([consensus_errors(theta) for theta in thetas])
         thetas = [

@@ -1,9 +1,12 @@
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.estimators import A2C, PPO, Reinforce, Sampled
+from agent.learner import Vector
 from agent.policies import softmax
 from agent.returns import generalized_advantages, rewards_to_go
 from agent.tabular import gains, policy_gradient, sampled_step, value_gradient
@@ -13,7 +16,7 @@ from sim.tabular.gridworld import grid_model
 from sim.tabular.mdp import FiniteMDP, Floats
 
 GAMMA, LAMBDA = 0.9, 0.05
-SETTINGS = {"gamma": GAMMA, "entropy_weight": LAMBDA, "discount_visits": True}
+SETTINGS: dict[str, Any] = {"gamma": GAMMA, "entropy_weight": LAMBDA, "discount_visits": True}
 MODEL = grid_model((3, 4), [(2, 3)], [(1, 1)], gamma=GAMMA)
 SHAPE = (MODEL.n_states, MODEL.n_actions)
 
@@ -27,7 +30,8 @@ def fly(
 
 def each_alone(episodes: Episodes) -> Episodes:
     """Every episode as the flight of an agent of its own: (T, E) -> (T, E, 1)."""
-    return Episodes(*(field[..., None] for field in episodes))
+    fields: Any = (field[..., None] for field in episodes)
+    return Episodes(*fields)
 
 
 def agrees(samples: Floats, exact: Floats) -> None:
@@ -183,8 +187,8 @@ def test_many_agents_at_once_take_the_same_steps_as_each_alone(kind: type[Sample
     ends = [np.stack([flight[k] for flight in flights]) for k in (4, 5)]
     together = Episodes(*(np.stack(parts, axis=1) for parts in zip(*padded, strict=True)), *ends)
 
-    def ascend(gradient: Floats) -> Floats:
-        return np.float32(0.5) * gradient
+    def ascend(gradient: Vector) -> Vector:
+        return np.asarray(np.float32(0.5) * gradient)
 
     steps, _ = sampled_step(thetas, policies, together, estimator, ascend)
     for n, flight in enumerate(flights):

@@ -30,7 +30,7 @@ class Quadratics:
         self.best = np.linalg.solve(self.hessians.sum(axis=0), pull)
 
     def steps(self, thetas: Floats) -> Floats:
-        return STEP * np.einsum("nij,nj->ni", self.hessians, self.centres - thetas)
+        return np.asarray(STEP * np.einsum("nij,nj->ni", self.hessians, self.centres - thetas))
 
 
 class Ring:

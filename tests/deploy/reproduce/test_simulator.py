@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,7 +13,7 @@ from deploy.report import evaluate
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.rules import many_swarm
 from deploy.reproduce.settings import grid_swarm, random_worlds
-from deploy.reproduce.simulator import Vectors, simulate, simulate_together
+from deploy.reproduce.simulator import DivergenceError, Vectors, simulate, simulate_together
 from deploy.reproduce.worlds import Worlds
 from sim.tabular.gridworld import LAYOUTS
 from sim.tabular.mdp import softmax
@@ -23,7 +24,7 @@ from swarm.mixing import Mixer, Mixing
 from swarm.topology import Topology, lazy_metropolis, neighbours
 
 SWARMS = Path(__file__).parents[3] / "deploy" / "swarms"
-SHORT = {"episodes": 3, "horizon": 30}
+SHORT: dict[str, Any] = {"episodes": 3, "horizon": 30}
 EXAMPLES: dict[str, SwarmFile] = {
     "dcpg": grid_swarm("a", rounds=6, estimator=Reinforce(**SHORT)),
     "extra, losses": grid_swarm(
@@ -133,6 +134,12 @@ def test_a_partition_keeps_groups_apart_and_heals() -> None:
     assert run.consensus[-1].max() < 1e-3
 
 
+def test_divergence_has_a_name() -> None:
+    config = many_swarm("ring", "dcpg", 4, rounds=3)
+    with pytest.raises(DivergenceError, match="round 0"):
+        simulate(config, initial=np.full((4, 100), np.inf))
+
+
 def test_late_messages_slow_the_agreement_down() -> None:
     config = many_swarm("ring", "dcpg", 8, rounds=60)
     assert (
@@ -158,6 +165,7 @@ def test_the_referee_agrees_with_the_report_of_a_run() -> None:
     config = many_swarm("ring", "dcpg", 8, rounds=1)  # two agents a task
     thetas = np.random.default_rng(1).normal(size=(8, 100))
     scores, result = Referee(config).judge(thetas), evaluate(config, thetas)
+    assert result.optimum is not None
     np.testing.assert_allclose(scores.share * result.optimum, result.value, atol=1e-12)
     margins = np.array(result.goal) - np.array(result.obstacle)
     np.testing.assert_allclose(scores.margins, margins[::2], atol=1e-12)
