@@ -24,7 +24,7 @@ STUDIES = {  # name -> module with a function `study`, and what it is about
     "examples": "The two-task chain: no deterministic optimum, three stationary points, the trap.",
     "theorem1": "Convergence to a stationary point; consensus bound; Lyapunov function.",
     "theorem2": "Shared transitions: convergence to the global optimum.",
-    "gridworld": "Grid worlds (a) to (e), single agents, and Fig. 2.",
+    "gridworld": "Grid worlds (a) to (e), single agents, the picture of Fig. 2.",
     "rules": "Mixing rules on a ring of 64 agents, and 1024 agents.",
     "faults": "Message loss by mixing rule and policy; delay; partition.",
     "compression": "Halves and bytes on the wire instead of float32.",
@@ -65,7 +65,7 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
 
 
 def _command(name: str, about: str) -> None:
-    @app.command(name, help=about)
+    @app.command(name, help=about, short_help=about)
     def command(
         seeds: Seeds = SEEDS, quick: Quick = False, out: Out = RESULTS, json: AsJson = False
     ) -> None:
