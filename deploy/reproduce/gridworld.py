@@ -37,7 +37,6 @@ VALUES = {
     "e": (0.94, None),
 }
 ALMOST_ALL, HARDLY_ANY = 0.95, 0.10
-ALONE = 5  # seeds, at most, of agents without a swarm
 PATH = "#cfe8c6"
 ROUTES = (figures.BLUE, figures.ORANGE, figures.GREEN, figures.PINK, figures.SKY, figures.BLACK)
 
@@ -54,9 +53,8 @@ def study(options: Options) -> Findings:
         referee = Referee(runs[0].config)
         scores = [referee.judge(run.thetas) for run in runs]
         shown[layout] = runs[0]
-        few = min(seeds, ALONE)
-        options.say(f"({layout}) {few} x {LAYOUTS[layout].n_tasks} agents on their own")
-        alone = _alone(layout, few)
+        options.say(f"({layout}) {seeds} x {LAYOUTS[layout].n_tasks} agents on their own")
+        alone = _alone(layout, seeds)
         lonely = [referee.judge(run.thetas) for run in alone]
         claims += _claims(layout, referee, scores, lonely)
         data[layout] = {
