@@ -29,7 +29,8 @@ class Claim(msgspec.Struct, frozen=True):
         paper: what the print says ("" where it is silent).
         corrected: the corrected formula's value, or what is required here.
         ours: what came out.
-        holds: whether ours agrees with ``corrected`` (or, where that is empty, with the paper).
+        holds: whether ours agrees with ``corrected`` (or, where that is empty, with the paper);
+            true of a mere observation, for which both are empty.
     """
 
     what: str
@@ -37,6 +38,11 @@ class Claim(msgspec.Struct, frozen=True):
     corrected: str
     ours: str
     holds: bool
+
+    @property
+    def mark(self) -> str:
+        """What stands at the end of its line."""
+        return ("✔" if self.holds else "✘") if self.paper or self.corrected else ""
 
 
 @dataclass(frozen=True)
@@ -140,7 +146,7 @@ def _table(findings: Findings) -> Table:
     for heading in HEADINGS:
         table.add_column(heading)
     for c in findings.claims:
-        mark = "[green]✔[/]" if c.holds else "[red]✘[/]"
+        mark = f"[{'green' if c.holds else 'red'}]{c.mark}[/]"
         table.add_row(*map(escape, (c.what, c.paper, c.corrected, c.ours)), mark)
     return table
 
@@ -151,7 +157,7 @@ def markdown(findings: Findings, made: dict[str, Any]) -> str:
     lines += [f"![{file.stem}]({file.name})" for file in findings.figures]
     lines += ["", "| " + " | ".join(HEADINGS) + " |", "| --- " * len(HEADINGS) + "|"]
     for c in findings.claims:
-        cells = [c.what, c.paper, c.corrected, c.ours, "✔" if c.holds else "✘"]
+        cells = [c.what, c.paper, c.corrected, c.ours, c.mark]
         lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     lines += ["", *(f"- {note}" for note in findings.notes), ""]
     lines.append(", ".join(f"{key} {value}" for key, value in made.items() if value is not None))

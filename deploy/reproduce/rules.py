@@ -151,5 +151,5 @@ def _draw(
     block = len(places["dcpg"]) / 4
     for edge in range(1, 4):
         axes[0, 1].axvline(edge * block - 0.5, color="#bbbbbb", linewidth=1, linestyle=":")
-    axes[0, 0].legend(loc=(0.6, 0.4))
+    axes[0, 0].legend(loc=(0.6, 0.52))
     return figures.save(figure, options.out / "rules.png")
