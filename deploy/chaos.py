@@ -3,7 +3,7 @@
 ::
 
     [[fault]]
-    at = 2.0            # [s] after every agent has reported
+    at = 2.0            # [s] after every agent has reported; or: round = 500
     kind = "freeze"
     agents = ["drone1"]
     seconds = 5.0
@@ -28,7 +28,7 @@ import os
 import re
 import signal
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -49,7 +49,8 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     """One row of a chaos file; see the table above.
 
     Attributes:
-        at: when [s].
+        at: when [s]; after that, not before ``round``.
+        round: when the slowest agent has come so far.
         kind: what.
         agents: to whom.
         seconds: for how long [s], where it lasts.
@@ -58,9 +59,10 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         factor: of ``slow``.
     """
 
-    at: Annotated[float, msgspec.Meta(ge=0)]
     kind: Kind
     agents: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
+    at: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    round: Annotated[int, msgspec.Meta(ge=0)] = 0
     seconds: Annotated[float, msgspec.Meta(gt=0)] = 5.0
     probability: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.2
     kbit: Annotated[int, msgspec.Meta(ge=1)] = 1000
@@ -96,7 +98,7 @@ def load_faults(path: Path, config: SwarmFile) -> tuple[Fault, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """Something to do at a time: signals to agents, or commands in their namespaces."""
+    """Something to do so long after its fault began [s]: signals, or commands in namespaces."""
 
     at: float
     label: str
@@ -104,26 +106,27 @@ class Action:
     commands: tuple[tuple[str, ...], ...] = ()
 
 
-def plan(faults: Sequence[Fault], config: SwarmFile) -> list[Action]:
-    """Turn faults into single actions, in order of time.  Decides all; does nothing."""
-    actions: list[Action] = []
-    for fault in faults:
-        end = fault.at + fault.seconds
-        match fault.kind:
-            case "kill":
-                actions.append(_signal(fault.at, f"{fault}", fault.agents, signal.SIGKILL))
-            case "restart":
-                actions.append(_signal(fault.at, f"{fault}", fault.agents, signal.SIGTERM))
-            case "freeze":
-                actions.append(_signal(fault.at, f"{fault}", fault.agents, signal.SIGSTOP))
-                actions.append(_signal(end, f"end of {fault}", fault.agents, signal.SIGCONT))
-            case "slow":
-                actions += _duty_cycle(fault)
-            case "partition" | "loss" | "rate":
-                start, stop = _network_commands(fault, config)
-                actions.append(Action(fault.at, f"{fault}", commands=tuple(start)))
-                actions.append(Action(end, f"end of {fault}", commands=tuple(stop)))
-    return sorted(actions, key=lambda action: action.at)
+def plan(fault: Fault, config: SwarmFile) -> list[Action]:
+    """What a fault consists of, in order of time.  Decides all; does nothing."""
+    name, end = str(fault), f"end of {fault}"
+    match fault.kind:
+        case "kill":
+            return [_signal(0.0, name, fault.agents, signal.SIGKILL)]
+        case "restart":
+            return [_signal(0.0, name, fault.agents, signal.SIGTERM)]
+        case "freeze":
+            return [
+                _signal(0.0, name, fault.agents, signal.SIGSTOP),
+                _signal(fault.seconds, end, fault.agents, signal.SIGCONT),
+            ]
+        case "slow":
+            return _duty_cycle(fault)
+        case "partition" | "loss" | "rate":
+            start, stop = _network_commands(fault, config)
+            return [
+                Action(0.0, name, commands=tuple(start)),
+                Action(fault.seconds, end, commands=tuple(stop)),
+            ]
 
 
 def _signal(at: float, label: str, agents: tuple[str, ...], what: signal.Signals) -> Action:
@@ -135,7 +138,7 @@ def _duty_cycle(fault: Fault) -> list[Action]:
     cycles = max(1, round(fault.seconds / DUTY_CYCLE))
     actions = []
     for i in range(cycles):
-        at = fault.at + i * DUTY_CYCLE
+        at = i * DUTY_CYCLE
         label = f"{fault}" if i == 0 else ""
         actions.append(_signal(at, label, fault.agents, signal.SIGSTOP))
         label = f"end of {fault}" if i == cycles - 1 else ""
@@ -183,32 +186,41 @@ def host_of(endpoint: str) -> str:
 
 @dataclass(slots=True)
 class Chaos:
-    """Carries a plan out as time passes.
+    """Carries faults out as time passes.
 
     Attributes:
-        actions: what is still to come, in order.
-        started: monotonic time of the plan's zero [s]; None until every agent has reported.
+        config: the swarm's.
+        faults: those that have not begun.
+        started: monotonic time of the file's zero [s]; None until every agent has reported.
+        due: monotonic time and action of what has begun, in order.
     """
 
-    actions: list[Action]
+    config: SwarmFile
+    faults: list[Fault]
     started: float | None = None
-    done: list[str] = field(default_factory=list)
+    due: list[tuple[float, Action]] = field(default_factory=list)
 
-    def advance(self, now: float, pids: Mapping[str, int]) -> list[str]:
+    def advance(self, now: float, round_: int, pids: Mapping[str, int]) -> list[str]:
         """Do what is due; labels of what was done, for the user.
 
         Args:
             now: monotonic time [s].
+            round_: of the slowest agent.
             pids: process of each running agent.
 
         Raises:
             SwarmError: a command failed.
         """
+        if self.started is None:
+            return []
+        for fault in list(self.faults):
+            if now - self.started >= fault.at and round_ >= fault.round:
+                self.faults.remove(fault)
+                self.due += [(now + action.at, action) for action in plan(fault, self.config)]
+        self.due.sort(key=lambda entry: entry[0])
         labels = []
-        while (
-            self.started is not None and self.actions and now - self.started >= self.actions[0].at
-        ):
-            action = self.actions.pop(0)
+        while self.due and now >= self.due[0][0]:
+            _, action = self.due.pop(0)
             for agent, what in action.signals:
                 if agent in pids:
                     os.kill(pids[agent], what)
@@ -220,7 +232,7 @@ class Chaos:
 
     def undo(self, pids: Mapping[str, int]) -> None:
         """End what lasts: let stopped agents go on, lift the network's faults."""
-        for action in self.actions:
+        for _, action in self.due:
             if not action.label.startswith("end of "):
                 continue
             for agent, what in action.signals:

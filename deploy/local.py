@@ -26,7 +26,7 @@ from agent import checkpoint
 from agent.config import SwarmFile, load
 from agent.runfolder import RunFolder, open_run
 from agent.tabular import TabularLearner
-from deploy.chaos import Chaos, Fault, plan
+from deploy.chaos import Chaos, Fault
 from deploy.progress import Progress
 from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
@@ -283,13 +283,13 @@ def launch(
                 fleet.start(agent, begin)
             session = resources.enter_context(observe(config))
             watch_reports(session, Keys(config.name), progress.take)
-            chaos = Chaos(plan(faults, config))
+            chaos = Chaos(config, list(faults))
             resources.callback(lambda: chaos.undo(fleet.pids))
             while not fleet.done and not interrupted.is_set():
                 fleet.attend(TICK)
                 if chaos.started is None and progress.complete:
                     chaos.started = time.monotonic()
-                for label in chaos.advance(time.monotonic(), fleet.pids):
+                for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):
                     progress.say(f"fault: {label}")
                 progress.show()
         if interrupted.is_set():

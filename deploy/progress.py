@@ -46,6 +46,12 @@ class Progress:
         with self._lock:
             return len(self._reports) == len(self._config.members)
 
+    @property
+    def round(self) -> int:
+        """Newest round that every agent has reported."""
+        with self._lock:
+            return min((report.round for report in self._reports.values()), default=0)
+
     def say(self, text: str) -> None:
         """Print one line above the live table."""
         elapsed = time.monotonic() - self._start

@@ -17,25 +17,18 @@ HOSTS = [
 ]
 
 
-def test_faults_become_actions_in_order_of_time() -> None:
-    config = load(FILE)
-    faults = [
-        Fault(at=3.0, kind="kill", agents=("drone0",)),
-        Fault(at=1.0, kind="freeze", agents=("drone1", "drone2"), seconds=4.0),
-    ]
-    actions = plan(faults, config)
-    assert [(action.at, action.label) for action in actions] == [
-        (1.0, "freeze drone1, drone2"),
-        (3.0, "kill drone0"),
-        (5.0, "end of freeze drone1, drone2"),
-    ]
-    assert actions[0].signals == (("drone1", signal.SIGSTOP), ("drone2", signal.SIGSTOP))
-    assert actions[1].signals == (("drone0", signal.SIGKILL),)
+def test_a_fault_is_one_action_or_two() -> None:
+    (kill,) = plan(Fault(at=3.0, kind="kill", agents=("drone0",)), load(FILE))
+    assert (kill.at, kill.label) == (0.0, "kill drone0")
+    assert kill.signals == (("drone0", signal.SIGKILL),)
+    freeze, thaw = plan(Fault(kind="freeze", agents=("drone1", "drone2"), seconds=4.0), load(FILE))
+    assert freeze.signals == (("drone1", signal.SIGSTOP), ("drone2", signal.SIGSTOP))
+    assert (thaw.at, thaw.label) == (4.0, "end of freeze drone1, drone2")
 
 
 def test_slow_stops_for_all_but_one_factor_th_and_ends_running() -> None:
-    fault = Fault(at=0.0, kind="slow", agents=("drone0",), seconds=1.0, factor=5.0)
-    actions = plan([fault], load(FILE))
+    fault = Fault(kind="slow", agents=("drone0",), seconds=1.0, factor=5.0)
+    actions = plan(fault, load(FILE))
     stops = [a.at for a in actions if a.signals[0][1] == signal.SIGSTOP]
     goes = [a.at for a in actions if a.signals[0][1] == signal.SIGCONT]
     assert sum(goes) - sum(stops) == pytest.approx(0.8)
@@ -45,7 +38,7 @@ def test_slow_stops_for_all_but_one_factor_th_and_ends_running() -> None:
 
 def test_a_partition_cuts_both_directions_to_everybody_else_and_mends_them() -> None:
     config = load(FILE, HOSTS)
-    start, stop = plan([Fault(at=0.0, kind="partition", agents=("d0", "d1"))], config)
+    start, stop = plan(Fault(kind="partition", agents=("d0", "d1")), config)
     lines = [" ".join(command) for command in start.commands]
     assert "ip netns exec h0 iptables -A INPUT -s 10.0.0.2 -j DROP" in lines
     assert "ip netns exec h1 iptables -A OUTPUT -d 10.0.0.3 -j DROP" in lines
@@ -55,12 +48,19 @@ def test_a_partition_cuts_both_directions_to_everybody_else_and_mends_them() -> 
 
 
 def test_nothing_happens_before_its_time_and_each_thing_once() -> None:
-    chaos = Chaos(plan([Fault(at=1.0, kind="kill", agents=("drone0",))], load(FILE)))
-    assert chaos.advance(100.0, {}) == []  # the clock has not started
+    faults = [
+        Fault(at=1.0, kind="kill", agents=("drone0",)),
+        Fault(round=50, kind="freeze", agents=("drone1",), seconds=2.0),
+    ]
+    chaos = Chaos(load(FILE), faults)
+    assert chaos.advance(100.0, 70, {}) == []  # the clock has not started
     chaos.started = 100.0
-    assert chaos.advance(100.9, {}) == []
-    assert chaos.advance(101.0, {}) == ["kill drone0"]  # nobody to kill: it is not running
-    assert chaos.advance(102.0, {}) == []
+    assert chaos.advance(100.9, 0, {}) == []
+    assert chaos.advance(101.0, 10, {}) == ["kill drone0"]  # nobody to kill: it is not running
+    assert chaos.advance(102.0, 50, {}) == ["freeze drone1"]
+    assert chaos.advance(103.9, 60, {}) == []
+    assert chaos.advance(104.0, 60, {}) == ["end of freeze drone1"]
+    assert chaos.advance(999.0, 99, {}) == []
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,8 @@ from tests.integration.harness import GRIDWORLD_A, MEMBERS, ROOT, run
 from tests.integration.namespaces import NETWORK, hosts
 
 pytestmark = pytest.mark.integration
-# Undisturbed, V/V* is 0.985 after so many rounds; a fault may cost 0.03 of it.
+# Undisturbed, V/V* is 0.985 after so many rounds; a fault may cost 0.03 of it.  Faults come when
+# the tasks are solved: who misses the first hundred rounds may find its task settled without it.
 ROUNDS, LEAST = 2500, 0.955
 
 
@@ -42,10 +43,10 @@ def test_kill_freeze_restart_and_slow_in_one_run(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     chaos = chaos_file(
         tmp_path,
-        'at = 0.5\nkind = "kill"\nagents = ["drone1"]',
-        'at = 2.5\nkind = "freeze"\nagents = ["drone2"]\nseconds = 3.0',
-        'at = 6.0\nkind = "restart"\nagents = ["drone0"]',
-        'at = 7.5\nkind = "slow"\nagents = ["drone3"]\nseconds = 1.0',
+        'round = 1000\nkind = "kill"\nagents = ["drone1"]',
+        'round = 2000\nkind = "freeze"\nagents = ["drone2"]\nseconds = 3.0',
+        'round = 3500\nkind = "restart"\nagents = ["drone0"]',
+        'round = 4000\nkind = "slow"\nagents = ["drone3"]\nseconds = 1.0',
     )
     code, output = run(
         *("up", GRIDWORLD_A, "--run", folder, "--no-record", "--chaos", chaos),
@@ -105,7 +106,7 @@ def up_on_hosts(names: list[str], folder: Path, *extra: str | Path) -> str:
 )
 def test_faults_of_the_network(tmp_path: Path, namespaces: list[str], fault: str) -> None:
     folder = tmp_path / "run"
-    chaos = chaos_file(tmp_path, f"at = 1.0\n{fault}")
+    chaos = chaos_file(tmp_path, f"round = 500\n{fault}")
     output = up_on_hosts(namespaces, folder, "--chaos", chaos, "--set", f"rounds={ROUNDS}")
     assert "fault: end of" in output
     reports = check(folder, output)
