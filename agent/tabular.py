@@ -156,13 +156,14 @@ def sampled_step(
     split = policy.shape[-2] * policy.shape[-1]
     values = theta[..., split:].astype(np.float64)
     gain = gains(values, episodes, estimator)
-    rows = table_rows(policy.shape[:-1], episodes.states)
-    targets = gain + values.ravel()[rows] if isinstance(estimator, ActorCritic) else gain
-    weighted = gain
+    targets, weighted = gain, gain
+    if isinstance(estimator, ActorCritic):
+        rows = table_rows(policy.shape[:-1], episodes.states)
+        targets = gain + values.ravel()[rows]
+        cells = rows * policy.shape[-1] + episodes.actions
     if estimator.discount_visits:
         powers = estimator.gamma ** np.arange(len(gain))
         weighted = gain * powers.reshape(-1, *[1] * (gain.ndim - 1))
-    cells = rows * policy.shape[-1] + episodes.actions
     total, first = None, None
     for _ in range(estimator.epochs):
         at = theta if total is None else theta + total
