@@ -1,0 +1,92 @@
+"""How this room compiles: one decorator, its cache on disk, and a word while it compiles.
+
+``@compiled`` is numba's ``njit`` with NumPy's division and a cache that stays right when any file
+of this room changes (numba itself looks only at the file of the outermost function).  The cache
+lies under ``cache_dir()``: the package may be read-only.  The first compilation of a process
+says so on stderr, once, and only where the cache has nothing to offer.
+"""
+
+import hashlib
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+import numba
+from numba.core import event
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+COMPILE_SECONDS = 25  # measured, one core; only for the announcement
+
+
+def cache_dir() -> Path:
+    """``$XDG_CACHE_HOME/dcpg-swarm``, else ``~/.cache/dcpg-swarm``; temporary if read-only."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    folder = (Path(base) if base else Path.home() / ".cache") / "dcpg-swarm"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return folder
+    except OSError:
+        user = os.getuid() if hasattr(os, "getuid") else 0
+        folder = Path(tempfile.gettempdir()) / f"dcpg-swarm-{user}"
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return folder
+
+
+def _kernels_dir() -> str:
+    """One folder per state of this room's sources."""
+    digest = hashlib.sha256()
+    for file in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(file.read_bytes())
+    return str(cache_dir() / f"kernels-{digest.hexdigest()[:16]}")
+
+
+class _Announcer(event.Listener):
+    """Tells the user why nothing seems to happen."""
+
+    def __init__(self) -> None:
+        self.said = False
+
+    def on_start(self, event: event.Event) -> None:
+        name = event.data["dispatcher"].py_func.__module__
+        if not self.said and name.startswith("sim.indoor"):
+            self.said = True
+            print(
+                f"sim.indoor: compiling, once, about {COMPILE_SECONDS} s",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def on_end(self, event: event.Event) -> None:
+        """Nothing to say."""
+
+
+FOLDER = os.environ.get("NUMBA_CACHE_DIR") or _kernels_dir()
+event.register("numba:compile", _Announcer())
+
+
+@overload
+def compiled(function: Function, /) -> Function: ...
+@overload
+def compiled(*, fastmath: set[str]) -> Callable[[Function], Function]: ...
+def compiled(
+    function: Function | None = None, /, *, fastmath: set[str] | bool = False
+) -> Function | Callable[[Function], Function]:
+    """``njit`` with this room's options; `fastmath` names the liberties that LLVM may take."""
+
+    def decorate(function: Function) -> Function:
+        before = numba.config.CACHE_DIR
+        numba.config.CACHE_DIR = FOLDER
+        try:
+            kernel: Function = numba.njit(cache=True, error_model="numpy", fastmath=fastmath)(
+                function
+            )
+        finally:
+            numba.config.CACHE_DIR = before
+        return kernel
+
+    return decorate if function is None else decorate(function)
