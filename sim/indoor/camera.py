@@ -17,6 +17,7 @@ Depth is the distance along the optical axis (AirSim calls it planar), not along
 
 # ruff: noqa: PLR0917  (compiled functions take their arguments by position)
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ import numpy as np
 
 from sim.indoor.compiled import compiled
 from sim.indoor.mesh import Doubles, Floats, Mesh
-from sim.indoor.raster import Canvas, see
+from sim.indoor.raster import Canvas, canvas, see
 from sim.indoor.shade import Picture, shade
 
 
@@ -102,3 +103,20 @@ def look(
     eye = pose[:3]
     see(canvas, mesh, world, pixel_from_world, eye)
     shade(canvas, mesh, world_from_pixel, pixel_from_world, eye, smooth, rgb, depth)
+
+
+class Renderer:
+    """A camera of any size in one world, for pictures rather than for flights."""
+
+    def __init__(self, mesh: Mesh, camera: Camera, *, smooth: bool = True) -> None:
+        """With `smooth`, texels that are larger than a pixel are blended."""
+        self.mesh, self.camera, self.smooth = mesh, camera, smooth
+        self._canvas = canvas(camera.height, camera.width, mesh.triangles)
+
+    def look(self, pose: Sequence[float] | Doubles, world: int = 0) -> View:
+        """What is seen from x, y, z [m, NED], roll, pitch, yaw [rad]."""
+        rgb = np.empty((self.camera.height, self.camera.width, 3), np.uint8)
+        depth = np.empty((self.camera.height, self.camera.width), np.float32)
+        place = np.asarray(pose, np.float64)
+        look(self._canvas, self.mesh, world, place, self.camera.tangents, self.smooth, rgb, depth)
+        return View(rgb, depth)

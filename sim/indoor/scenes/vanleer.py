@@ -26,14 +26,12 @@ def draw() -> Plan:
         ceiling=ceiling,
         walls=[cream, clinker, block, blue, cream, clinker, cream, block],
     )
-    plan.carpet([(30.5, 10.6), (46, 10.6), (46, 19.4), (30.5, 19.4), (30.5, 10.6)][:4], lobby)
+    plan.carpet([(30.5, 10.6), (46, 10.6), (46, 19.4), (30.5, 19.4)], lobby)
     plan.island([(4.4, 4.4), (14, 4.4), (14, 15.6), (4.4, 15.6)], walls=[blue, cream, block, cream])
     plan.island(
         [(18.4, 4.4), (25.6, 4.4), (25.6, 15.6), (18.4, 15.6)], walls=[cream, clinker, cream]
     )
-    plan.island(
-        [(30.2, 10.5), (36, 10.5), (36, 19.4), (22.5, 19.4), (30.2, 19.4)][:4], walls=[block, blue]
-    )
+    plan.island([(30.2, 10.5), (36, 10.5), (36, 19.4), (30.2, 19.4)], walls=[block, blue])
     plan.island([(40.6, 10.5), (41.6, 10.5), (41.6, 19.4), (40.6, 19.4)], walls=clinker)
     plan.wall((14, 10), (18.4, 10), blue, openings=[Opening(2.2, 3.4, top=2.6)])
 
