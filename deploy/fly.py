@@ -53,7 +53,7 @@ class Straight:
 
 
 class Greedy:
-    """Towards the heading along which a lane as wide as the drone and its margin stays free longest.
+    """Towards the heading along which a lane for the drone and its margin stays free longest.
 
     Headings across the whole view are tried.  Near obstacles count in a wide lane, far ones in a
     narrow one, so that gaps are seen early and corners are not cut.  When nothing ahead is free it

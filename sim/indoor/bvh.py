@@ -18,7 +18,7 @@ DEPTH = 60  # levels; deeper nodes become leaves, so that a fixed stack of 64 al
 @compiled
 def _area(box: Floats) -> float:
     x, y, z = box[3] - box[0], box[4] - box[1], box[5] - box[2]
-    return x * y + y * z + z * x
+    return float(x * y + y * z + z * x)
 
 
 @compiled

@@ -83,7 +83,8 @@ def inverse(m: Doubles) -> Doubles:
         for j in range(3):
             c, d = (j + 1) % 3, (j + 2) % 3
             out[j, i] = m[a, c] * m[b, d] - m[a, d] * m[b, c]
-    return out / (m[0, 0] * out[0, 0] + m[0, 1] * out[1, 0] + m[0, 2] * out[2, 0])
+    out /= m[0, 0] * out[0, 0] + m[0, 1] * out[1, 0] + m[0, 2] * out[2, 0]
+    return out
 
 
 @compiled

@@ -15,7 +15,7 @@ from sim.indoor.mesh import Doubles, Floats, Ints, Mesh
 
 @compiled
 def _dot(a: Doubles, b: Doubles) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return float(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 
 @compiled
@@ -81,7 +81,7 @@ def clearance(mesh: Mesh, world: int, point: Doubles, limit: float) -> float:
             _nearest(point, a, b, c, nearest)
             nearest -= point
             best = min(best, _dot(nearest, nearest))
-    return np.sqrt(best)
+    return float(np.sqrt(best))
 
 
 @compiled
@@ -97,7 +97,7 @@ def _meet_corner(p: Doubles, move: Doubles, radius: float, q: Doubles) -> float:
     root = b * b - a * c
     if root < 0.0:
         return 2.0
-    return (-b - np.sqrt(root)) / a
+    return float((-b - np.sqrt(root)) / a)
 
 
 @compiled

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
 from numba.core import event
@@ -66,7 +66,7 @@ class _Announcer(event.Listener):
 
 
 FOLDER = os.environ.get("NUMBA_CACHE_DIR") or _kernels_dir()
-event.register("numba:compile", _Announcer())
+cast(Any, event).register("numba:compile", _Announcer())
 
 
 @overload
@@ -79,14 +79,13 @@ def compiled(
     """``njit`` with this room's options; `fastmath` names the liberties that LLVM may take."""
 
     def decorate(function: Function) -> Function:
-        before = numba.config.CACHE_DIR
-        numba.config.CACHE_DIR = FOLDER
+        config: Any = numba.config
+        before = config.CACHE_DIR
+        config.CACHE_DIR = FOLDER  # numba asks for it once, when a function is decorated
         try:
-            kernel: Function = numba.njit(cache=True, error_model="numpy", fastmath=fastmath)(
-                function
-            )
+            kernel = numba.njit(cache=True, error_model="numpy", fastmath=fastmath)(function)
         finally:
-            numba.config.CACHE_DIR = before
-        return kernel
+            config.CACHE_DIR = before
+        return cast(Function, kernel)
 
     return decorate if function is None else decorate(function)

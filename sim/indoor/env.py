@@ -1,6 +1,6 @@
 """One drone in one world, as a Gymnasium environment: ``gymnasium.make("sim:IndoorFlight-v0")``."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -49,11 +49,14 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
     ## Arguments
     ``scene``: a name (``sim.indoor.scenes.NAMES``) or the path of a .glb, .gltf, .obj or .ply file;
     ``body``: ``"kinematic"``, ``"module:Class"`` or any object with the ``Body`` protocol;
-    ``camera``: another size or field of view; ``max_steps``; ``render_mode``: ``"rgb_array"``, PEDRA's
-    picture of 320 x 180.
+    ``camera``: another size or field of view; ``max_steps``; ``render_mode``: ``"rgb_array"``,
+    PEDRA's picture of 320 x 180.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 5}
+    metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium declares it so)
+        "render_modes": ["rgb_array"],
+        "render_fps": 5,
+    }
 
     def __init__(
         self,
@@ -79,12 +82,14 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
     @property
     def depth(self) -> Floats:
         """Metric depth of the last observation (H, W) [m]; `inf` where nothing is."""
-        return self._flights.depth[0]
+        depth: Floats = self._flights.depth[0]
+        return depth
 
     @property
     def pose(self) -> Doubles:
         """x, y, z [m, NED], roll, pitch, yaw [rad]."""
-        return self._flights.pose[0].copy()
+        pose: Doubles = self._flights.pose[0].copy()
+        return pose
 
     def _info(self) -> dict[str, Any]:
         return {
@@ -113,7 +118,7 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         late = self.max_steps is not None and int(flights.steps[0]) >= self.max_steps
         return flights.rgb[0], float(flights.reward[0]), crashed, late and not crashed, self._info()
 
-    def render(self) -> Observation | None:  # type: ignore[override]
+    def render(self) -> Observation | None:
         """The drone's view at 320 x 180 (`rgb_array`), else nothing."""
         if self.render_mode != "rgb_array":
             return None
@@ -133,5 +138,6 @@ def start_pose(options: dict[str, Any], starts: Doubles) -> Doubles | None:
         x, y, z, yaw = (float(value) for value in options["pose"])
         return np.array([x, y, z, 0.0, 0.0, yaw])
     if "start" in options:
-        return starts[int(options["start"])]
+        pose: Doubles = starts[int(options["start"])]
+        return pose
     return None

@@ -13,6 +13,7 @@ way.  The camera stays level.
 # ruff: noqa: PLR0917  (compiled functions take their arguments by position)
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -48,66 +49,55 @@ def aim(pose: Doubles, action: int, noise: Doubles, target: Doubles) -> None:
     target[3] = yaw
 
 
+class Seen(NamedTuple):
+    """What a step makes of n flights."""
+
+    rgb: Picture  # (n, H, W, 3)
+    depth: Floats  # (n, H, W) [m]
+    reward: Doubles  # (n,)
+    touched: Flags  # (n,) the sphere meets a surface
+    crashed: Flags  # (n,) touched, or too near
+
+
 @compiled
-def arrive(
+def step(
     canvas: Canvas,
     mesh: Mesh,
     worlds: npt.NDArray[np.int64],
     before: Doubles,
     after: Doubles,
+    flown: bool,
+    actions: npt.NDArray[np.int64],
+    noise: Doubles,
     tangents: tuple[float, float],
-    rgb: Picture,
-    depth: Floats,
-    reward: Doubles,
-    touched: Flags,
-    crashed: Flags,
+    seen: Seen,
 ) -> None:
-    """Every drone has moved from `before` to `after` (n, 6): touch, look around, be rewarded.
+    """Every drone moves from `before` to `after` (n, 6), touches, looks around, is rewarded.
 
-    A drone that touches something stays at the point of contact: `after` is changed.
+    Where bodies have `flown`, `after` is what they report; else it is where the actions lead.  A
+    drone that touches something stays at the point of contact: `after` is changed.
     """
+    target = np.empty(4, np.float64)
     move = np.empty(3, np.float64)
     for i in range(len(after)):
+        if not flown:
+            aim(before[i], actions[i], noise[i], target)
+            after[i, :3] = target[:3]
+            after[i, 3] = after[i, 4] = 0.0
+            after[i, 5] = target[3]
         for axis in range(3):
             move[axis] = after[i, axis] - before[i, axis]
         share = sweep(
             mesh.corner, mesh.box, mesh.link, mesh.root[worlds[i]], before[i, :3], move, RADIUS
         )
-        touched[i] = share <= 1.0
-        if touched[i]:
+        seen.touched[i] = share <= 1.0
+        if seen.touched[i]:
             for axis in range(3):
                 after[i, axis] = before[i, axis] + share * move[axis]
-        look(canvas, mesh, worlds[i], after[i], tangents, False, rgb[i], depth[i])
-        reward[i] = windowed(depth[i])
-        crashed[i] = touched[i] or reward[i] < CRASH_THRESHOLD
-        if crashed[i]:
-            reward[i] = CRASH_REWARD
-
-
-@compiled
-def fly(
-    canvas: Canvas,
-    mesh: Mesh,
-    worlds: npt.NDArray[np.int64],
-    pose: Doubles,
-    actions: npt.NDArray[np.int64],
-    noise: Doubles,
-    tangents: tuple[float, float],
-    rgb: Picture,
-    depth: Floats,
-    reward: Doubles,
-    touched: Flags,
-    crashed: Flags,
-) -> None:
-    """One step of every kinematic drone; `pose` is moved."""
-    before = pose.copy()
-    target = np.empty(4, np.float64)
-    for i in range(len(pose)):
-        aim(before[i], actions[i], noise[i], target)
-        pose[i, :3] = target[:3]
-        pose[i, 3] = pose[i, 4] = 0.0
-        pose[i, 5] = target[3]
-    arrive(canvas, mesh, worlds, before, pose, tangents, rgb, depth, reward, touched, crashed)
+        look(canvas, mesh, worlds[i], after[i], tangents, False, seen.rgb[i], seen.depth[i])
+        reward = windowed(seen.depth[i])
+        seen.crashed[i] = seen.touched[i] or reward < CRASH_THRESHOLD
+        seen.reward[i] = CRASH_REWARD if seen.crashed[i] else reward
 
 
 class Flights:
@@ -161,17 +151,24 @@ class Flights:
         for i, random in enumerate(randoms):
             self._noise[i] = random.uniform(-1.0, 1.0, 2)
         before = self.pose.copy()
-        seen = (self.rgb, self.depth, self.reward, self.touched, self.crashed)
-        still = (self._canvas, self.mesh, self.worlds)
-        if self.bodies is None:
-            fly(*still, self.pose, actions, self._noise, self.camera.tangents, *seen)
-        else:
+        if self.bodies is not None:
             target = np.empty(4)
             for i, body in enumerate(self.bodies):
                 aim(before[i], actions[i], self._noise[i], target)
                 body.advance(SetPoint(*(float(value) for value in target)))
                 self.pose[i] = body.pose
-            arrive(*still, before, self.pose, self.camera.tangents, *seen)
+        step(
+            self._canvas,
+            self.mesh,
+            self.worlds,
+            before,
+            self.pose,
+            self.bodies is not None,
+            actions,
+            self._noise,
+            self.camera.tangents,
+            Seen(self.rgb, self.depth, self.reward, self.touched, self.crashed),
+        )
         moved = self.pose[:, :2] - before[:, :2]
         self.distance += np.hypot(moved[:, 0], moved[:, 1])
         self.steps += 1

@@ -38,7 +38,7 @@ class Lamps:
 
 @compiled
 def _fraction(value: float) -> float:
-    return value - np.floor(value)
+    return float(value - np.floor(value))
 
 
 @compiled

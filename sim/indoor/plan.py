@@ -62,6 +62,7 @@ class Plan:
     faces: list[Face] = field(default_factory=list)
     lamps: list[Lamp] = field(default_factory=list)
     starts: list[Start] = field(default_factory=list)
+    views: list[Start] = field(default_factory=list)
 
     def room(
         self,
@@ -143,6 +144,10 @@ class Plan:
     def start(self, x: float, y: float, heading: float, height: float = CRUISE) -> None:
         """A place where flights begin."""
         self.starts.append(Start(x, y, height, heading))
+
+    def view(self, x: float, y: float, heading: float, height: float = 1.6) -> None:
+        """A place to take a picture for the contact sheet."""
+        self.views.append(Start(x, y, height, heading))
 
 
 def linear(tone: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

@@ -10,6 +10,7 @@ import os
 import sys
 import tempfile
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,7 +22,7 @@ from sim.indoor.assembly import NED_FROM_PLAN, Charts, assemble
 from sim.indoor.compiled import cache_dir
 from sim.indoor.lighting import Lamps
 from sim.indoor.mesh import Doubles, Mesh, Words
-from sim.indoor.plan import Plan, linear
+from sim.indoor.plan import Plan, Start, linear
 
 RECIPE = "1"  # change it when the same input should give another light
 
@@ -33,7 +34,8 @@ class Scene:
     name: str
     mesh: Mesh
     starts: Doubles  # (S, 6) poses: x, y, z [m, NED], roll, pitch, yaw [rad]
-    height: float  # m, floor to ceiling, for pictures from above
+    views: Doubles  # (V, 6) poses that show it well, may be none
+    height: float  # m, floor to ceiling
 
 
 @lru_cache(maxsize=8)
@@ -57,11 +59,13 @@ def build(name: str, plan: Plan, *, lit: bool = True) -> Scene:
         power = [linear(lamp.colour) * lamp.power for lamp in plan.lamps]
         lamps = Lamps(place @ NED_FROM_PLAN.T, np.array(power).reshape(-1, 3))
         mesh = mesh._replace(light=light(name, mesh, charts, lamps, plan.exposure))
-    starts = [
-        [start.y, start.x, -start.height, 0.0, 0.0, np.radians(start.heading)]
-        for start in plan.starts
-    ]
-    return Scene(name, mesh, np.array(starts).reshape(-1, 6), plan.height)
+    return Scene(name, mesh, _poses(plan.starts), _poses(plan.views), plan.height)
+
+
+def _poses(places: Sequence[Start]) -> Doubles:
+    """Poses in NED of places on the plan."""
+    rows = [[p.y, p.x, -p.height, 0.0, 0.0, np.radians(p.heading)] for p in places]
+    return np.array(rows, np.float64).reshape(-1, 6)
 
 
 def light(name: str, mesh: Mesh, charts: Charts, lamps: Lamps, exposure: float) -> Words:

@@ -23,7 +23,7 @@ VOID = np.float32(np.inf)  # depth where nothing is
 
 
 @compiled(fastmath={"contract", "nsz"})
-def _mix(low: int, high: int, share: float) -> int:
+def _mix(low: np.integer, high: np.integer, share: float) -> np.int64:
     """Two packed colours, blended; red and blue at once."""
     weight = np.int64(share * np.float32(256.0))
     first, second = np.int64(low), np.int64(high)
@@ -35,7 +35,7 @@ def _mix(low: int, high: int, share: float) -> int:
 @compiled(fastmath={"contract", "nsz"})
 def _glow(
     light: Words, g: Floats, inverse: float, x: int, y: int, chart: int, columns: int, rows: int
-) -> tuple[int, int, int]:
+) -> tuple[np.int64, np.int64, np.int64]:
     """The light on a pixel, between its four nearest texels; 1 << 24 is one."""
     z = np.float32(1.0) / inverse
     xf, yf = np.float32(x), np.float32(y)

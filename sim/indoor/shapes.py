@@ -43,7 +43,9 @@ class Face:
         return np.asarray(total / np.linalg.norm(total))
 
 
-def face(points: Iterable[Sequence[float]], material: Material, shift: float = 0.0) -> Face:
+def face(
+    points: Iterable[Sequence[float] | Doubles], material: Material, shift: float = 0.0
+) -> Face:
     """A face whose picture stands upright; `shift` [m] moves it sideways."""
     corners = np.array([list(point) for point in points], np.float64)
     following = np.roll(corners, -1, axis=0)

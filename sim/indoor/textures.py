@@ -48,7 +48,8 @@ def mip_chain(image: Image) -> Words:
 
 def colour(code: str) -> Image:
     """``#rrggbb`` as three numbers in 0..1."""
-    return np.array([int(code[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+    channels: Image = np.array([int(code[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+    return channels
 
 
 # --- building blocks ------------------------------------------------------------------------------

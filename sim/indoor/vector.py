@@ -1,7 +1,7 @@
 """Many drones at once: ``gymnasium.make_vec("sim:IndoorFlight-v0", num_envs=16, ...)``."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +35,7 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
     ``body``: ``"kinematic"``, or a sequence of one ``Body`` a flight.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium declares it so)
         "render_modes": ["rgb_array"],
         "render_fps": 5,
         "autoreset_mode": AutoresetMode.SAME_STEP,
@@ -113,10 +113,10 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
         pictures = self._flights.rgb
         self._flights.fresh_pictures()
         self._flights.rgb[:] = pictures
-        for i in np.flatnonzero(which):
+        for i in map(int, np.flatnonzero(which)):
             if seeds[i] is not None:
                 self._random[i] = seeding.np_random(seeds[i])[0]
-            self._begin(int(i), chosen)
+            self._begin(i, chosen)
         return self._flights.rgb, self._infos(which)
 
     def _begin(self, i: int, options: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from sim.indoor.textures import artwork, brick, plain, planks, plaster
 
 
 def draw() -> Plan:
-    plan = Plan(height=3.3, exposure=0.9)
+    plan = Plan(height=3.3, exposure=1.15)
     mixed = brick("#9c5a44", "#b9705a", "#3b3230", "#8b4a38", mortar="#cbbfae", rows=14, seed=1)
     tan = brick("#a97f52", "#8f6a42", "#bb9364", "#6d4f33", mortar="#d8ccb4", rows=18, seed=2)
     pale = brick("#caa79a", "#b98f82", "#54484a", "#d9c3b8", mortar="#efe8df", rows=10, seed=3)
@@ -59,4 +59,12 @@ def draw() -> Plan:
                           (31.5, -2.7, 90), (39.8, -0.5, 0), (33, 6.2, 270), (22, 9.4, 310),
                           (12, 11.8, 270), (2.6, 1.5, 180)]:  # fmt: skip
         plan.start(x, y, heading)
+    for x, y, heading in [
+        (2.5, -3.2, 80),
+        (27.6, -3.6, 330),
+        (5.6, 8.6, 45),
+        (38.5, -3.2, 310),
+        (22.8, -1.2, 262),
+    ]:
+        plan.view(x, y, heading)
     return plan

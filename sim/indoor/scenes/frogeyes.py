@@ -20,7 +20,7 @@ from sim.indoor.textures import (
 
 
 def draw() -> Plan:
-    plan = Plan(height=3.2, exposure=1.5)
+    plan = Plan(height=3.2, exposure=2.1)
     moss = brick("#56654a", "#6b7a58", "#434f3c", "#7d8a68", mortar="#c9c59c", columns=4, rows=10)
     teal = rubble("#2f6f68", "#3d8478", "#69a08f", "#c7cfb5", mortar="#8fa590", stones=8, seed=2)
     lozenge = diamonds("#d9c98f", "#2f5f9a", "#4b7a45", "#c9a23c", count=5)
@@ -31,8 +31,9 @@ def draw() -> Plan:
     slate = planks("#a9adb3", "#6d7178", columns=2, rows=6, contrast=0.06, seed=6)
     red = brick("#a8321f", "#b9402a", "#932616", mortar="#6e1a10", columns=3, rows=10, seed=7)
 
-    outline = [(12, -7), (28, -7), (36.5, 2.5), (40, 6), (40, 14), (36, 18), (27, 18), (23, 14.5),
-               (23, 11), (17, 11), (17, 14.5), (13, 18), (4, 18), (0, 14), (0, 6), (3.5, 2.5)]  # fmt: skip
+    outline = [(12, -7), (28, -7), (36.5, 2.5), (40, 6), (40, 14), (36, 18), (27, 18),
+               (23, 14.5), (23, 11), (17, 11), (17, 14.5), (13, 18), (4, 18), (0, 14),
+               (0, 6), (3.5, 2.5)]  # fmt: skip
     plan.room(
         outline,
         floor=white,
@@ -54,7 +55,7 @@ def draw() -> Plan:
             teal,
             rose,
             lozenge,
-        ],  # fmt: skip
+        ],
     )
     plan.carpet([(12, -7), (28, -7), (33.4, -1), (27.5, -1), (23.5, -2.6), (16.5, -2.6),
                  (12.5, -1), (6.6, -1)], slate)  # fmt: skip
@@ -90,12 +91,21 @@ def draw() -> Plan:
     plan.put(make.door(make.WALNUT), (13.5, 17.56), 131)
     plan.put(make.picture(artwork("#303a30", "#d0d0b0", "#90a060", seed=13)), (20, -2.53), 180)
 
-    for x, y in [(3.5, 10.6), (8.8, 16), (14.2, 10.6), (8.8, 5), (20, 8.5), (25.8, 10.6), (31.2, 16),
-                 (36.5, 10.6), (31.2, 5), (10, 0), (30, 0), (15.5, -4.8), (24.5, -4.8)]:  # fmt: skip
+    for x, y in [(3.5, 10.6), (8.8, 16), (14.2, 10.6), (8.8, 5), (20, 8.5), (25.8, 10.6),
+                 (31.2, 16), (36.5, 10.6), (31.2, 5), (10, 0), (30, 0),
+                 (15.5, -4.8), (24.5, -4.8)]:  # fmt: skip
         plan.lamp(x, y, "#fff4e2", power=3.2)
 
     for x, y, heading in [(3.0, 10, 0), (8.5, 15.9, 90), (14.3, 9, 180), (9, 4.6, 270),
                           (20, 8.8, 90), (26, 8.5, 180), (31, 15.9, 90), (37, 11, 180),
                           (31, 4.4, 90), (18, -4.7, 90), (25, -4.7, 270)]:  # fmt: skip
         plan.start(x, y, heading)
+    for x, y, heading in [
+        (1.6, 13.6, 115),
+        (15.5, 9.0, 250),
+        (24, 9.6, 60),
+        (37.5, 14.5, 215),
+        (9.0, -3.2, 112),
+    ]:
+        plan.view(x, y, heading)
     return plan

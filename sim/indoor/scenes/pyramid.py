@@ -9,7 +9,7 @@ from sim.indoor.textures import artwork, brick, leaves, plain, plaster, rubble, 
 
 
 def draw() -> Plan:
-    plan = Plan(height=3.4, exposure=1.35)
+    plan = Plan(height=3.4, exposure=1.6)
     yellow = brick("#d9a93a", "#c9952c", "#e5bb55", mortar="#8a6420", columns=4, rows=12, seed=1)
     gold = brick(
         "#a8742c", "#8f5f24", "#c08a3c", "#6f4a1e", mortar="#e0c080", columns=5, rows=18, seed=2
@@ -67,12 +67,20 @@ def draw() -> Plan:
     plan.glow(0.7, 13.0, 1.6, "#ffdca0", 1.0)
 
     for x, y in [(2.5, 2.5), (9, 2.5), (2.5, 9), (2.5, 15), (2.5, 21), (2.5, 27.5), (9, 27.5),
-                 (16, 27.5), (23, 27.5), (30, 28), (33, 24), (33, 19.5), (8, 13), (13, 17), (18, 21.5),
-                 (16.5, 4), (22, 9.5), (27.5, 15)]:  # fmt: skip
+                 (16, 27.5), (23, 27.5), (30, 28), (33, 24), (33, 19.5), (8, 13), (13, 17),
+                 (18, 21.5), (16.5, 4), (22, 9.5), (27.5, 15)]:  # fmt: skip
         plan.lamp(x, y, "#fbf6ff", power=2.7)
 
     for x, y, heading in [(2.5, 4, 0), (2.5, 17, 0), (4, 27.5, 90), (18, 27.5, 90), (33, 27, 180),
                           (29, 16.5, 225), (19, 6.5, 45), (9, 2.5, 270), (9.5, 14, 45),
                           (20, 23.5, 225)]:  # fmt: skip
         plan.start(x, y, heading)
+    for x, y, heading in [
+        (1.6, 6.2, 12),
+        (4.0, 28.6, 112),
+        (33.5, 21.5, 330),
+        (18.5, 4.6, 35),
+        (15.5, 18.5, 225),
+    ]:
+        plan.view(x, y, heading)
     return plan

@@ -9,7 +9,7 @@ from sim.indoor.textures import panels, plain, plaster, stripes, tiles
 
 
 def draw() -> Plan:
-    plan = Plan(height=2.9, exposure=1.5)
+    plan = Plan(height=2.9, exposure=2.6)
     plates = panels("#3c4858", "#10161e", "#46e6ff", seed=1)
     violet = panels("#433a58", "#140f1e", "#d060ff", seed=2)
     steel = panels("#707a84", "#2a3036", "#b8f060", count=4, seed=3)
@@ -57,11 +57,19 @@ def draw() -> Plan:
         [(8, 2.4), (15, 2.4), (25, 2.4), (32, 2.4), (37.5, 8), (37.5, 18), (32, 23.6), (25, 23.6),
          (15, 23.6), (8, 23.6), (2.5, 18), (2.5, 8), (9, 13), (31, 13), (20, 7.5), (20, 18.5)]
     ):  # fmt: skip
-        plan.lamp(x, y, (cyan, white, violet_tone)[k % 3], power=2.6)
+        plan.lamp(x, y, (cyan, white, violet_tone)[k % 3], power=3.2)
     plan.lamp(20, 13, white, power=2.6, drop=0.5)
 
     for x, y, heading in [(7, 2.5, 90), (20, 2.6, 90), (37.4, 6, 0), (37.4, 20, 0), (24, 23.4, 270),
                           (6, 23.4, 270), (2.6, 20, 180), (2.6, 8, 180), (8, 13, 90),
                           (32, 13, 270), (20, 9, 0)]:  # fmt: skip
         plan.start(x, y, heading)
+    for x, y, heading in [
+        (7.2, 2.8, 75),
+        (38.2, 5.0, 0),
+        (37, 22, 250),
+        (8, 13, 90),
+        (3, 20.5, 165),
+    ]:
+        plan.view(x, y, heading)
     return plan

@@ -9,7 +9,7 @@ from sim.indoor.textures import artwork, brick, plain, plaster, tiles, wood
 
 
 def draw() -> Plan:
-    plan = Plan(height=3.0, exposure=1.25)
+    plan = Plan(height=3.0, exposure=1.5)
     cream = plaster("#ece6d6", grain=0.025, seed=1)
     blue = plaster("#7f9cc0", grain=0.03, seed=2)
     block = brick(
@@ -36,13 +36,13 @@ def draw() -> Plan:
     plan.wall((14, 10), (18.4, 10), blue, openings=[Opening(2.2, 3.4, top=2.6)])
 
     beech = wood("#c89a5f", seed=8)
-    for x in (3, 9, 22):
+    for x in (3.0, 9.0, 22.0):
         plan.put(make.door(beech), (x, 0.0), 0)
-    for x in (6, 12):
+    for x in (6.0, 12.0):
         plan.put(make.door(beech), (x, 4.4), 180)
         plan.put(make.door(beech), (x, 15.6), 0)
-    for y in (6, 12):
-        plan.put(make.door(beech), (0.0, y), 90)
+    for along in (6, 12):
+        plan.put(make.door(beech), (0.0, along), 90)
     plan.put(make.door(beech), (24, 24), 180)
     plan.put(make.door(beech), (46, 21), 270)
     cork = artwork("#b98d58", "#f4f4f4", "#f0e070", "#a0c8e8", "#e8a0a0", seed=31)
@@ -73,4 +73,12 @@ def draw() -> Plan:
                           (16.2, 13, 180), (27.9, 14, 180), (30, 21.7, 90), (38.3, 14, 0),
                           (34, 8.2, 270), (44, 20, 180)]:  # fmt: skip
         plan.start(x, y, heading)
+    for x, y, heading in [
+        (15.5, 2.0, 285),
+        (27.6, 1.2, 350),
+        (37.6, 22.5, 145),
+        (2.5, 16.6, 95),
+        (44.2, 20.4, 200),
+    ]:
+        plan.view(x, y, heading)
     return plan
