@@ -128,7 +128,7 @@ def shade(
                 z = np.float32(1.0) / inverse[y, (x + end) >> 1]
                 area = coarse * z * z * z
                 level = 0
-                while area > 2.0 and level < side:
+                while area > 1.0 and level < side:
                     area *= np.float32(0.25)
                     level += 1
                 log_width = np.uint64(side - level)

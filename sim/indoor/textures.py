@@ -48,8 +48,7 @@ def mip_chain(image: Image) -> Words:
 
 def colour(code: str) -> Image:
     """``#rrggbb`` as three numbers in 0..1."""
-    channels: Image = np.array([int(code[i : i + 2], 16) / 255 for i in (1, 3, 5)])
-    return channels
+    return np.asarray([int(code[i : i + 2], 16) / 255 for i in (1, 3, 5)], np.float64)
 
 
 # --- building blocks ------------------------------------------------------------------------------

@@ -233,10 +233,9 @@ def find_starts(mesh: Mesh, path: str) -> Doubles:
     below, _ = cast_many(mesh, 0, places, down)
     above, _ = cast_many(mesh, 0, places, -down)
     inside = np.isfinite(below) & np.isfinite(above)
-    if not inside.any():
-        raise SceneError(
-            f"scene file {path} is not closed: no place in it has a floor and a ceiling"
-        )
+    half_open = int((np.isfinite(below) != np.isfinite(above)).sum())
+    if half_open > inside.sum():
+        raise SceneError(f"scene file {path} is not closed: it lacks a floor or a ceiling")
     room = below + above
     inside &= room > 2 * CLEARANCE
     # at the usual height, in low rooms in the middle
