@@ -3,10 +3,16 @@
 ``gymnasium.make("sim:GridWorld-v0", ...)`` imports it by itself.  Imports nothing of ours.
 """
 
-from gymnasium import register
+from gymnasium.envs.registration import register
 
-register(
-    id="IndoorFlight-v0",
-    entry_point="sim.indoor.env:IndoorFlight",
-    vector_entry_point="sim.indoor.vector:IndoorFlights",
-)
+ENTRY_POINTS = {
+    "Chain-v0": "sim.tabular.chain:Chain",
+    "GridWorld-v0": "sim.tabular.gridworld:GridWorld",
+    "IndoorFlight-v0": "sim.indoor.env:IndoorFlight",
+}
+VECTOR_ENTRY_POINTS = {
+    "IndoorFlight-v0": "sim.indoor.vector:IndoorFlights",
+}
+
+for _name, _entry_point in ENTRY_POINTS.items():
+    register(id=_name, entry_point=_entry_point, vector_entry_point=VECTOR_ENTRY_POINTS.get(_name))

@@ -124,7 +124,7 @@ def assemble(faces: list[Face]) -> tuple[Mesh, Charts]:
     return mesh, charts
 
 
-def grow(  # noqa: PLR0917  (the arrays of a Mesh, in its order)
+def grow(
     corner: Floats,
     paint: Floats,
     shine: Floats,

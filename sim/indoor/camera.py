@@ -15,8 +15,6 @@ Depth is the distance along the optical axis (AirSim calls it planar), not along
 `inf` where nothing is.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

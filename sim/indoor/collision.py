@@ -5,8 +5,6 @@ of its edges or one of its corners, whichever comes first.  A sphere that touche
 but not go deeper.  Source: C. Ericson, "Real-Time Collision Detection", 2005, 5.1.5 and 5.5.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 import numpy as np
 
 from sim.indoor.compiled import compiled

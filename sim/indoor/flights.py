@@ -10,8 +10,6 @@ theta = (45/1.5)/5 (i - 2) degrees.  Both angles carry uniform noise of a sixth 
 way.  The camera stays level.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -57,7 +57,7 @@ def sofa(cloth: Material, width: float = 2.0, cushion: Material | None = None) -
     return faces
 
 
-def shelf(  # noqa: PLR0917
+def shelf(
     width: float = 1.0,
     height: float = 2.0,
     depth: float = 0.32,

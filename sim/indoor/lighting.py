@@ -7,8 +7,6 @@ their neighbours, so that no dark rim creeps out.  The result is exposed and gam
 the renderer multiplies bytes.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 from dataclasses import dataclass
 
 import numpy as np

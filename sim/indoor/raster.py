@@ -13,8 +13,6 @@ Occlusion: `far` keeps, for tiles of 8 x 8 pixels, the least 1/depth drawn (0: n
 whose nearest corner lies behind it in all its tiles is skipped with everything in it.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 from typing import NamedTuple
 
 import numpy as np

@@ -4,8 +4,6 @@ Interface: ``cast`` for one ray (compiled callers), ``cast_many`` for arrays of 
 Source: Moeller and Trumbore, "Fast, minimum storage ray/triangle intersection", 1997.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 import numpy as np
 
 from sim.indoor.compiled import compiled

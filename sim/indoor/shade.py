@@ -5,8 +5,6 @@ a texel is about as large as a pixel's footprint on the surface (the root of its
 floors sharp at grazing angles); light is interpolated between the four nearest lightmap texels.
 """
 
-# ruff: noqa: PLR0917  (compiled functions take their arguments by position)
-
 import numpy as np
 import numpy.typing as npt
 

@@ -5,8 +5,6 @@ Coordinates are those of a floor plan: x to the right (east), y up the page (nor
 them.
 """
 
-# ruff: noqa: PLR0917  (a prism is best read by position)
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

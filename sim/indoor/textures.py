@@ -4,8 +4,6 @@ Every function returns a ``Material``: how a surface looks and how many metres o
 picture spans.  ``mip_chain`` turns the picture into the words that the renderer reads.
 """
 
-# ruff: noqa: PLR0917  (painters take a material's parameters in its order)
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -63,7 +61,9 @@ def _noise(seed: int, roughness: float = 1.6, stretch: float = 1.0) -> Map:
     radius[0, 0] = np.inf
     spectrum = np.fft.fft2(rng.standard_normal((SIDE, SIDE))) * radius**-roughness
     field = np.fft.ifft2(spectrum).real
-    return (field - field.mean()) / field.std()
+    field -= field.mean()
+    field /= field.std()
+    return field
 
 
 def _grid() -> tuple[Map, Map]:

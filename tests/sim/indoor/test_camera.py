@@ -21,7 +21,8 @@ def pixel_rays(camera: Camera, yaw: float) -> np.ndarray:
         np.array([np.cos(yaw), np.sin(yaw), 0]),
         np.array([-np.sin(yaw), np.cos(yaw), 0]),
     )
-    return forward + x[None, :, None] * right + y[:, None, None] * np.array([0.0, 0.0, 1.0])
+    down_axis = np.array([0.0, 0.0, 1.0])
+    return np.asarray(forward + x[None, :, None] * right + y[:, None, None] * down_axis)
 
 
 def nearest(corner: np.ndarray, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -1,11 +1,12 @@
 """The worlds that come with the house, and the light in them."""
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from sim.indoor import compiled, scene
+from sim.indoor import compiled
 from sim.indoor.camera import Camera, Renderer
 from sim.indoor.collision import clearance
 from sim.indoor.errors import SceneError
@@ -13,6 +14,7 @@ from sim.indoor.plan import Plan
 from sim.indoor.rays import cast_many
 from sim.indoor.reward import CRASH_THRESHOLD, windowed
 from sim.indoor.scene import Scene, build, load
+from sim.indoor.scenes import NAMES
 from sim.indoor.shapes import face, triangulate
 from sim.indoor.textures import mip_chain, plain
 from tests.sim.indoor.conftest import WHITE, bare_room
@@ -40,7 +42,7 @@ def test_worlds_are_closed_and_face_inwards(world: Scene) -> None:
 def test_worlds_differ() -> None:
     """The mean colours of what the starts see lie apart."""
     tones = {}
-    for name in scene.scenes.NAMES:
+    for name in NAMES:
         world = load(name, lit=False)
         look = Renderer(world.mesh, Camera(), smooth=False).look
         tones[name] = np.mean([look(s).rgb.mean(axis=(0, 1)) for s in world.starts], axis=0)
@@ -99,7 +101,7 @@ def test_without_a_writable_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     """A home that cannot be written (here: a file stands in the way) is done without."""
     (tmp_path / "blocked").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "blocked"))
-    monkeypatch.setattr(compiled.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert compiled.cache_dir().parent == tmp_path
 
 
@@ -112,7 +114,7 @@ def test_concave_faces_are_cut_into_their_area() -> None:
         a, b, c = shape.points[[i, j, k]]
         normal = np.cross(b - a, c - a)
         assert normal @ shape.normal > 0
-        area += np.linalg.norm(normal) / 2
+        area += float(np.linalg.norm(normal)) / 2
     assert area == pytest.approx(3.0)
 
 

@@ -1,21 +1,23 @@
 """Worlds from files: round trips through trimesh, found starts, and one line for what is wrong."""
 
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-import trimesh
+import trimesh as untyped_trimesh
 
 from sim.indoor import userfile
 from sim.indoor.camera import Camera, Renderer
 from sim.indoor.collision import clearance
 from sim.indoor.errors import SceneError
 
+trimesh: Any = untyped_trimesh
 PLAN_FROM_Y_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
 
 
-def hall(lid: bool = True) -> trimesh.Trimesh:
+def hall(lid: bool = True) -> Any:
     """A hall of 12 x 8 x 3 m, z up, x east, with a block in it; without its lid it is open."""
     shell = trimesh.creation.box(bounds=[[0, 0, 0], [12, 8, 3]])
     if not lid:

@@ -1,0 +1,162 @@
+"""A swarm file: one experiment, as frozen, documented fields.
+
+Defaults in the types <- TOML <- ``--set key=value``.  :func:`load` reads and checks all of it
+before anything starts.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from agent.estimators import Estimator
+from agent.optimizers import Optimizer, Sgd
+from agent.policies import Policy, Tabular
+from agent.strict import convert, override, read_toml
+from swarm.errors import ConfigError
+from swarm.exchange import Timing
+from swarm.keys import check_name
+from swarm.loss import Loss
+from swarm.mixing import Mixing
+from swarm.session import Network
+from swarm.topology import Topology, check
+
+Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class Task(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The world in which an agent trains.
+
+    Attributes:
+        env: Gymnasium id, ``module:Name-v0`` to import the module first.
+        kwargs: arguments of its constructor.
+    """
+
+    env: str
+    kwargs: dict[str, Any] = {}
+
+
+class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One agent of the swarm.
+
+    Attributes:
+        id: unique name, part of its keys.
+        task: its world.
+        endpoint: where it listens, e.g. ``tcp/10.0.0.7:7447``; default from ``[network]``.
+    """
+
+    id: str
+    task: Task
+    endpoint: str | None = None
+
+
+class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Start anywhere at first (tabular tasks): repairs grid world (d).
+
+    Attributes:
+        uniform: share of the uniform start distribution over live states, 0 to 1.
+        rounds: for so many rounds; then the task's own start only.
+    """
+
+    uniform: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    rounds: Annotated[int, msgspec.Meta(ge=0)] = 0
+
+
+class Pace(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whether agents wait for each other.
+
+    Attributes:
+        mode: ``sync``: every round waits for the neighbours' parameters of that round; ``async``:
+            it takes the newest that are there.
+        staleness: how many rounds apart (async): older parameters do not count, and who falls
+            further behind jumps ahead.
+    """
+
+    mode: Literal["sync", "async"] = "sync"
+    staleness: Annotated[int, msgspec.Meta(ge=1)] = 16
+
+
+class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One experiment.
+
+    Attributes:
+        name: of the swarm; agents of different names never meet.
+        agents: who takes part, with its task.
+        estimator: how gradients are estimated.
+        seed: of all randomness; same file and seed give the same parameters bit for bit.
+        rounds: how long to learn.
+        policy: what is learned.
+        optimizer: what becomes of the gradient.
+        mixing: how parameters are agreed upon.
+        topology: who exchanges with whom.
+        pace: whether agents wait for each other.
+        start_mixing: start distribution early on.
+        loss: messages lost on purpose.
+        network: how agents reach each other.
+        timing: every wait.
+        checkpoint_every: rounds between checkpoints.
+    """
+
+    name: str
+    agents: Annotated[tuple[AgentEntry, ...], msgspec.Meta(min_length=1)]
+    estimator: Estimator
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
+    rounds: Count = 1000
+    policy: Policy = Tabular()
+    optimizer: Optimizer = Sgd()
+    mixing: Mixing = Mixing()
+    topology: Topology = Topology()
+    pace: Pace = Pace()
+    start_mixing: StartMixing = StartMixing()
+    loss: Loss = Loss()
+    network: Network = Network()
+    timing: Timing = Timing()
+    checkpoint_every: Count = 1
+
+    @property
+    def members(self) -> tuple[str, ...]:
+        """All ids, in the file's order: the order in which a topology places them."""
+        return tuple(agent.id for agent in self.agents)
+
+    def index(self, agent: str) -> int:
+        """Place of an agent in the file.
+
+        Raises:
+            ConfigError: there is none of this id.
+        """
+        if agent not in self.members:
+            raise ConfigError(
+                f'swarm "{self.name}" has no agent "{agent}": '
+                f"expected one of {', '.join(self.members)}"
+            )
+        return self.members.index(agent)
+
+    def endpoint(self, agent: str) -> str:
+        """Where an agent listens."""
+        i = self.index(agent)
+        return self.agents[i].endpoint or f"tcp/{self.network.host}:{self.network.base_port + i}"
+
+
+def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
+    """Read a swarm file (or the ``config.json`` of a run folder) and check all of it.
+
+    Raises:
+        ConfigError: one line that names file, key, value and what was expected.
+    """
+    tables = read_toml(path)
+    override(tables, settings)
+    config = convert(tables, SwarmFile, str(path))
+    try:
+        check_name("name", config.name)
+        for i, agent in enumerate(config.agents):
+            check_name(f"agents.{i}.id", agent.id)
+            if (first := config.members.index(agent.id)) != i:
+                raise ConfigError(
+                    f'agents.{i}.id = "{agent.id}" is also the id of agents.{first}: '
+                    "expected ids that differ"
+                )
+        check(config.topology, config.members)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    return config

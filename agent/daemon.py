@@ -1,0 +1,308 @@
+"""One agent as a process: joins its swarm, plays the rounds, keeps checkpoints, answers questions.
+
+Interface: :func:`run_agent`.  Life of an agent: wait until its id is free, learn the swarm's newest
+state, announce itself, wait for the others, play rounds, stay until the neighbours need nothing
+more, leave.  Told to stop, it ends with the checkpoint of the last whole round.
+"""
+
+import logging
+import os
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+import zenoh
+
+from agent import checkpoint
+from agent.checkpoint import Checkpoint
+from agent.config import SwarmFile
+from agent.learner import Learner
+from agent.rounds import Outcome, Rounds
+from agent.runfolder import RunFolder
+from agent.tabular import TabularLearner
+from swarm.consensus import sketch
+from swarm.errors import ConfigError
+from swarm.exchange import Exchange
+from swarm.keys import Keys
+from swarm.mixing import RULES, Mixer
+from swarm.payload import Layout
+from swarm.roster import Roster
+from swarm.session import open_session
+from swarm.telemetry import AgentStatus, NeighbourStatus, RoundReport, TelemetryPublisher
+
+log = logging.getLogger(__name__)
+SKETCHES = 200  # sketches and routes in the metrics file of one run
+
+
+def layout_of(config: SwarmFile, learner: Learner) -> Layout:
+    """What the parameter vectors of this swarm mean."""
+    return Layout(
+        swarm=config.name,
+        parts=learner.parts,
+        precision=config.policy.precision,
+        copies=RULES[config.mixing.rule].copies,
+        codec=config.mixing.compression,
+    )
+
+
+@dataclass(slots=True)
+class Life:
+    """What the agent's threads share: written by the rounds, read by who answers questions."""
+
+    state: str
+    at: Checkpoint
+    report: RoundReport | None = None
+
+
+def run_agent(
+    config: SwarmFile,
+    agent: str,
+    folder: RunFolder,
+    stop: threading.Event,
+    resume: bool = False,
+    begin: int | None = None,
+) -> int:
+    """Run one agent to the end of its rounds, or until it is told to stop.
+
+    Args:
+        config: the swarm file.
+        agent: its id.
+        folder: where it keeps what it makes.
+        stop: set it, and the agent ends within a second with a checkpoint.
+        resume: go on from its newest checkpoint.
+        begin: with ``resume``, go on from the checkpoint of this round instead.
+
+    Returns:
+        The round it reached.
+
+    Raises:
+        SwarmError: for everything that a user can mend.
+    """
+    index = config.index(agent)
+    folder.prepare(agent)
+    learner = TabularLearner(config, agent)
+    layout, keys = layout_of(config, learner), Keys(config.name)
+    incarnation = f"{time.time_ns():x}"
+    first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
+    mixer = Mixer(config.mixing)
+    life = Life("waiting", first)
+    endpoints = [config.endpoint(member) for member in config.members]
+    with ExitStack() as resources:
+        session = resources.enter_context(
+            open_session(config.network, endpoints[index : index + 1], endpoints[:index])
+        )
+        exchange = resources.enter_context(
+            Exchange(
+                session, keys, (agent, incarnation), config.members, layout, mixer.codec,
+                config.timing,
+            )
+        )  # fmt: skip
+        roster = resources.enter_context(Roster(session, keys, exchange.wake))
+        telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
+        metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
+        rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
+        roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
+        life.at = _catch_up(exchange, first)
+        mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
+        learner_state |= life.at.optimizer
+        exchange.serve_state(lambda: (life.at.round, rounds.neighbours(), life.at.theta.tobytes()))
+        _serve_status(session, keys, (agent, incarnation), config, rounds, life)
+        roster.announce(agent, incarnation)
+        log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
+        # One who comes back alone goes on at once; a swarm begins, or resumes, together.
+        together = begin is not None or life.at.round == 0
+        if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
+            log.warning(
+                "round %d: %s not here after %.0f s, going on without",
+                life.at.round,
+                ", ".join(sorted(absent)),
+                config.timing.start,
+            )
+        life.state = "learning"
+        while life.at.round < config.rounds and not stop.is_set():
+            _play(config, rounds, life, folder, telemetry, metrics)
+        if stop.is_set():
+            checkpoint.write(folder.checkpoints(agent), life.at)
+            log.info("round %d: told to stop, checkpoint written", life.at.round)
+        else:
+            life.state = "finished"
+            if life.report is not None:
+                telemetry.put(life.report, always=True)
+            _see_neighbours_finish(rounds, life)
+            log.info("round %d: finished", life.at.round)
+    return life.at.round
+
+
+def _play(
+    config: SwarmFile,
+    rounds: Rounds,
+    life: Life,
+    folder: RunFolder,
+    telemetry: TelemetryPublisher,
+    metrics: BinaryIO,
+) -> None:
+    """Play one round; keep and tell what it gave."""
+    at, start = life.at, time.monotonic()
+    outcome = rounds.play(at.round, at.theta)
+    if outcome is None:
+        return
+    if outcome.next_round > at.round + 1:
+        log.warning("round %d: behind, jumping to round %d", at.round, outcome.next_round)
+    life.at = Checkpoint(
+        round=outcome.next_round,
+        fingerprint=at.fingerprint,
+        theta=outcome.theta,
+        mixing=dict(rounds.mixer.state),
+        optimizer=dict(rounds.learner.optimizer_state),
+        episodes=at.episodes + outcome.step.episodes,
+        steps=at.steps + outcome.step.steps,
+    )
+    last = life.at.round >= config.rounds
+    if last or life.at.round % config.checkpoint_every == 0:
+        checkpoint.write(folder.checkpoints(rounds.agent), life.at)
+    sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
+    report = _report(rounds, at, outcome, time.monotonic() - start, sparse or telemetry.due())
+    life.report = report
+    telemetry.put(report)
+    kept = report if sparse else msgspec.structs.replace(report, sketch=(), route=())
+    metrics.write(msgspec.json.encode(kept) + b"\n")
+
+
+def _report(
+    rounds: Rounds, at: Checkpoint, outcome: Outcome, seconds: float, detailed: bool
+) -> RoundReport:
+    step = outcome.step
+    return RoundReport(
+        agent=rounds.agent,
+        round=at.round,
+        time=time.time(),
+        seconds=seconds,
+        waited=outcome.waited,
+        value=step.value,
+        episodes=at.episodes + step.episodes,
+        steps=at.steps + step.steps,
+        gradient_norm=step.gradient_norm,
+        disagreement=outcome.disagreement,
+        weights=outcome.weights,
+        missing=outcome.missing,
+        sketch=tuple(sketch(at.theta).tolist()) if detailed else (),
+        route=rounds.learner.route(at.theta) if detailed else (),
+    )
+
+
+def _first_checkpoint(
+    learner: Learner,
+    layout: Layout,
+    folder: RunFolder,
+    agent: str,
+    resume: bool,
+    begin: int | None,
+) -> Checkpoint:
+    """Where to begin: round 0, or a checkpoint.
+
+    Raises:
+        ConfigError: there are checkpoints, and nobody said what to do with them.
+        CheckpointError: the one asked for does not fit.
+    """
+    held = checkpoint.rounds_in(folder.checkpoints(agent))
+    if not resume and held:
+        raise ConfigError(
+            f'run folder "{folder.path}" has checkpoints of "{agent}" (newest: round {held[-1]}): '
+            "expected --resume to go on, or --run with another folder"
+        )
+    if resume and (held or begin is not None):
+        round_ = held[-1] if begin is None else begin
+        path = checkpoint.path_of(folder.checkpoints(agent), round_)
+        first = checkpoint.read(path, layout.fingerprint)
+        checkpoint.drop_after(folder.checkpoints(agent), round_)
+        return first
+    return Checkpoint(0, layout.fingerprint, learner.initial())
+
+
+def _catch_up(exchange: Exchange, own: Checkpoint) -> Checkpoint:
+    """Join the swarm where it is: parameters and round of the neighbour that is furthest on."""
+    newest = exchange.fetch_state()
+    if newest is None or newest.header.round <= own.round:
+        return own
+    log.info(
+        "round %d: joining at round %d with the parameters of %s",
+        own.round,
+        newest.header.round,
+        newest.header.agent,
+    )
+    # What the mixing rule remembers belongs to the old parameters: begin it anew.
+    return replace(own, round=newest.header.round, theta=newest.vector.copy(), mixing={})
+
+
+def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
+    """Publish the last parameters and stay until the neighbours have got as far."""
+    nearby = rounds.neighbours()
+    theta = life.at.theta
+    rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
+    limit = rounds.config.timing.finish
+    rounds.exchange.gather(life.at.round, nearby, rounds.roster, rounds.stop, limit)
+
+
+def _serve_status(
+    session: zenoh.Session,
+    keys: Keys,
+    me: tuple[str, str],
+    config: SwarmFile,
+    rounds: Rounds,
+    life: Life,
+) -> None:
+    """Answer "how are you?" from Zenoh's thread."""
+    agent, incarnation = me
+
+    def answer(query: zenoh.Query) -> None:
+        heard, report = rounds.exchange.heard(), life.report
+        nearby = {
+            n: NeighbourStatus(round=heard[n][0], age=heard[n][1])
+            if n in heard
+            else NeighbourStatus()
+            for n in rounds.neighbours()
+        }
+        status = AgentStatus(
+            agent=agent,
+            incarnation=incarnation,
+            pid=os.getpid(),
+            state=life.state,
+            round=life.at.round,
+            rounds=config.rounds,
+            neighbours=nearby,
+            value=report.value if report else None,
+            disagreement=report.disagreement if report else None,
+            sketch=tuple(sketch(life.at.theta).tolist()),
+            rejected=rounds.exchange.rejected,
+            one_sided=rounds.ledger.one_sided,
+            memory_mb=_resident_mb(),
+        )
+        query.reply(keys.status(agent), msgspec.msgpack.encode(status))
+
+    session.declare_queryable(keys.status(agent), answer)
+
+
+def _resident_mb() -> float:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _open_metrics(path: Path, begin: int) -> BinaryIO:
+    """The metrics file, open for appending, without rounds that will be played again."""
+    if path.exists():
+        decoder = msgspec.json.Decoder(RoundReport)
+        kept = []
+        for line in path.read_bytes().splitlines(keepends=True):
+            try:
+                if decoder.decode(line).round < begin:
+                    kept.append(line)
+            except msgspec.MsgspecError:
+                continue
+        draft = path.with_suffix(".draft")
+        draft.write_bytes(b"".join(kept))
+        draft.replace(path)
+    return path.open("ab", buffering=0)

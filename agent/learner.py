@@ -1,0 +1,57 @@
+"""What a learner is to a round: parameters in, step out.
+
+A learner owns the world, the estimator and the optimiser of one agent.  It is a pure function of
+(parameters, round, seed) except for the optimiser's moments, which a checkpoint keeps.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.floating]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one round of learning gave.
+
+    Attributes:
+        vector: (d,) the optimiser's step, to be added to the mixed parameters.
+        value: mean discounted return of the episodes (exact estimator: the exact value).
+        episodes, steps: flown in this round.
+        gradient_norm: Euclidean norm of the gradient estimate.
+    """
+
+    vector: Vector
+    value: float
+    episodes: int
+    steps: int
+    gradient_norm: float
+
+
+class Learner(Protocol):
+    """One agent's learning."""
+
+    @property
+    def parts(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
+        """Names and shapes of the tensors that make up the parameter vector."""
+        ...
+
+    @property
+    def optimizer_state(self) -> dict[str, Vector]:
+        """What the optimiser remembers; a checkpoint keeps it and puts it back."""
+        ...
+
+    def initial(self) -> Vector:
+        """Parameters at the start of the first round, the same for every agent."""
+        ...
+
+    def step(self, theta: Vector, round_: int) -> Step:
+        """Estimate the gradient at ``theta`` and turn it into a step."""
+        ...
+
+    def route(self, theta: Vector) -> tuple[int, ...]:
+        """States on the path most followed under ``theta``; empty where there is none."""
+        ...

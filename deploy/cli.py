@@ -1,0 +1,188 @@
+"""The command line ``swarm``.
+
+Each command is a page of arguments and a call; what it does stands in the room named after it.  A
+user's mistake is one line on standard error and a non-zero exit code.
+"""
+
+import logging
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from agent.config import load
+from agent.daemon import run_agent
+from agent.runfolder import RunFolder
+from swarm.errors import SwarmError
+
+app = typer.Typer(
+    help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+File = Annotated[
+    Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable."),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def up(
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
+    ] = None,
+    settings: Settings = None,
+    resume: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="Go on with this run folder instead.")
+    ] = None,
+    run: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME-DATE.")
+    ] = None,
+    record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
+) -> None:
+    """Start all agents of a swarm file as processes on this machine and wait for their result."""
+    from deploy.local import launch, prepare, resume_run  # noqa: PLC0415
+
+    if (file is None) == (resume is None):
+        raise typer.BadParameter("expected either FILE or --resume RUN")
+    if resume is not None:
+        folder, config, begin = resume_run(resume, settings or ())
+    else:
+        assert file is not None
+        folder, config, begin = prepare(load(file, settings or ()), run)
+    raise typer.Exit(launch(folder, config, begin, record))
+
+
+@app.command()
+def agent(
+    file: File,
+    id_: Annotated[str, typer.Option("--id", help="Which agent of the file.")],
+    settings: Settings = None,
+    run: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME.")
+    ] = None,
+    resume: Annotated[bool, typer.Option(help="Go on from the newest checkpoint, if any.")] = False,
+    begin: Annotated[
+        int | None, typer.Option(metavar="ROUND", help="With --resume: from this checkpoint.")
+    ] = None,
+    supervised: Annotated[
+        bool, typer.Option(help="Log to the run folder only; end when standard input closes.")
+    ] = False,
+) -> None:
+    """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
+    config = load(file, settings or ())
+    config.index(id_)
+    folder = RunFolder(run or Path("runs") / config.name)
+    stop = _stop_on_signals()
+    folder.prepare(id_)
+    _log_to(folder.log(id_), id_, quiet=supervised)
+    if supervised:
+        threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
+    run_agent(config, id_, folder, stop, resume, begin)
+
+
+@app.command()
+def status(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    json: AsJson = False,
+    timeout: Annotated[float, typer.Option(help="How long to look for agents [s].")] = 2.0,
+) -> None:
+    """Show the agents of a running swarm.  Exit code: 0 healthy, 1 degraded, 3 nobody."""
+    from deploy.status import find_config, show_status  # noqa: PLC0415
+
+    raise typer.Exit(show_status(find_config(target, settings or ()), json, timeout))
+
+
+@app.command()
+def topology(file: File, settings: Settings = None, json: AsJson = False) -> None:
+    """Show the graph of a swarm file: edges, weights W, eigenvalues, spectral gap."""
+    from deploy.report import show_topology  # noqa: PLC0415
+
+    show_topology(load(file, settings or ()), json)
+
+
+@app.command()
+def view(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    save: Annotated[
+        Path | None, typer.Option(metavar="FILE.rrd", help="Write a recording, show nothing.")
+    ] = None,
+    live: Annotated[
+        bool | None,
+        typer.Option(help="Attach to the running swarm, or show what the folder holds; "
+                          "default: live if anybody answers."),
+    ] = None,
+) -> None:  # fmt: skip
+    """Show a swarm in Rerun: live, attached at any time, or from a run folder."""
+    try:
+        from deploy.viewer import view as show  # noqa: PLC0415
+    except ImportError:
+        raise SwarmError(
+            'the viewer needs rerun-sdk, which is not installed: pip install "dcpg-swarm[viewer]"'
+        ) from None
+    from deploy.status import find_config  # noqa: PLC0415
+
+    show(find_config(target, settings or ()), save, live)
+
+
+def _stop_on_signals() -> threading.Event:
+    """An event that SIGTERM and Ctrl-C set."""
+    stop = threading.Event()
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, on_signal)
+    return stop
+
+
+def _stop_at_end_of_input(stop: threading.Event) -> None:
+    """Set ``stop`` when whoever started us is gone."""
+    while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
+        pass
+    stop.set()
+
+
+def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
+    """Log to a file and, unless ``quiet``, to standard error."""
+    handlers: list[logging.Handler] = [logging.FileHandler(path)]
+    if not quiet:
+        handlers.append(logging.StreamHandler())
+    logging.basicConfig(
+        level=logging.INFO,
+        format=f"%(asctime)s {agent_id} %(levelname)s %(message)s",
+        handlers=handlers,
+    )
+
+
+def main() -> None:
+    """Entry point of the ``swarm`` command."""
+    try:
+        app()
+    except SwarmError as error:
+        print(f"swarm: {error}", file=sys.stderr)
+        sys.exit(error.exit_code)
+
+
+if __name__ == "__main__":
+    main()

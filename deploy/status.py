@@ -1,0 +1,156 @@
+"""Who is there and how they are: ``swarm status``, and the part of it that others use.
+
+An observer is a peer without a port of its own: it dials the agents' endpoints, listens, and is not
+a member of the roster.
+"""
+
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+import zenoh
+from rich.console import Console
+from rich.table import Table
+
+from agent.config import SwarmFile, load
+from agent.runfolder import RunFolder
+from swarm.consensus import sketch_errors
+from swarm.errors import ConfigError
+from swarm.keys import Keys
+from swarm.session import open_session
+from swarm.telemetry import AgentStatus, ask_status
+
+RUNS = Path("runs")
+LATEST = RUNS / "latest"  # link to the newest run of `swarm up`
+HEALTHY, DEGRADED, NOBODY = 0, 1, 3
+STALE = 5.0  # [s] an older message from a neighbour is a sign of trouble
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A swarm to look at, and the run folder it was found in, if it was."""
+
+    config: SwarmFile
+    folder: RunFolder | None
+
+
+def find_config(target: Path | None, settings: Iterable[str] = ()) -> Target:
+    """The swarm that a swarm file or run folder describes; by default that of the newest run.
+
+    Raises:
+        ConfigError: there is no such file or folder.
+    """
+    path = target or LATEST
+    if path.is_dir():
+        folder = RunFolder(path.resolve())
+        return Target(load(folder.config, settings), folder)
+    if target is None:
+        raise ConfigError(
+            f'no run in "{RUNS}/": expected a swarm file or run folder as argument '
+            "(or start one: swarm up deploy/swarms/gridworld-a.toml)"
+        )
+    return Target(load(path, settings), None)
+
+
+@contextmanager
+def observe(config: SwarmFile) -> Iterator[zenoh.Session]:
+    """A session that sees the swarm and takes no part in it."""
+    with open_session(config.network, (), [config.endpoint(m) for m in config.members]) as session:
+        yield session
+
+
+def collect(session: zenoh.Session, config: SwarmFile, timeout: float) -> dict[str, AgentStatus]:
+    """Ask until every member has answered or ``timeout`` [s] is over."""
+    keys, end = Keys(config.name), time.monotonic() + timeout
+    answers: dict[str, AgentStatus] = {}
+    while len(answers) < len(config.members) and (left := end - time.monotonic()) > 0:
+        answers |= ask_status(session, keys, min(left, 0.5))
+        time.sleep(min(0.05, max(0.0, end - time.monotonic())))  # links may still be opening
+    return answers
+
+
+class SwarmStatus(msgspec.Struct, frozen=True, kw_only=True):
+    """What ``swarm status --json`` prints.
+
+    Attributes:
+        swarm: its name.
+        health: ``healthy``, ``degraded`` or ``nobody``.
+        problems: why it is not healthy.
+        consensus_error: largest distance of an agent from the mean of all, from sketches.
+        agents: every agent that answered.
+        errors: distance of each agent from the mean.
+    """
+
+    swarm: str
+    health: str
+    problems: tuple[str, ...]
+    consensus_error: float | None
+    agents: dict[str, AgentStatus]
+    errors: dict[str, float]
+
+
+def judge(config: SwarmFile, answers: dict[str, AgentStatus]) -> SwarmStatus:
+    """Sum the answers up."""
+    problems = [f"{m} does not answer" for m in config.members if m not in answers]
+    for name, answer in answers.items():
+        for neighbour, heard in answer.neighbours.items():
+            if answer.state == "learning" and heard.age is not None and heard.age > STALE:
+                problems.append(f"{name} last heard {neighbour} {heard.age:.1f} s ago")
+        if answer.rejected:
+            counts = ", ".join(f"{cause} {n}" for cause, n in sorted(answer.rejected.items()))
+            problems.append(f"{name} rejected messages: {counts}")
+    errors = sketch_errors({name: answer.sketch for name, answer in answers.items()})
+    return SwarmStatus(
+        swarm=config.name,
+        health="nobody" if not answers else "degraded" if problems else "healthy",
+        problems=tuple(problems),
+        consensus_error=max(errors.values(), default=None),
+        agents=answers,
+        errors=errors,
+    )
+
+
+def show_status(target: Target, as_json: bool, timeout: float) -> int:
+    """Print the state of a swarm; the exit code says the same."""
+    with observe(target.config) as session:
+        summary = judge(target.config, collect(session, target.config, timeout))
+    if as_json:
+        print(msgspec.json.format(msgspec.json.encode(summary), indent=2).decode())
+    else:
+        _print(target.config, summary)
+    return {"healthy": HEALTHY, "degraded": DEGRADED, "nobody": NOBODY}[summary.health]
+
+
+def _print(config: SwarmFile, summary: SwarmStatus) -> None:
+    console = Console()
+    if summary.health == "nobody":
+        console.print(
+            f'nobody of swarm "{config.name}" answers on '
+            f"{', '.join(config.endpoint(m) for m in config.members)}",
+            highlight=False,
+        )
+        return
+    table = Table(title=f"swarm {config.name}: {summary.health}")
+    for heading in ("agent", "state", "round", "return", "consensus error", "neighbours", "MB"):
+        table.add_column(heading, justify="left" if heading in {"agent", "state"} else "right")
+    for name in sorted(summary.agents):
+        answer = summary.agents[name]
+        nearby = ", ".join(
+            f"{n} ({'never' if heard.age is None else f'{heard.age * 1e3:.0f} ms'})"
+            for n, heard in answer.neighbours.items()
+        )
+        table.add_row(
+            name,
+            answer.state,
+            f"{answer.round}/{answer.rounds}",
+            "-" if answer.value is None else f"{answer.value:.3f}",
+            f"{summary.errors[name]:.3f}" if name in summary.errors else "-",
+            nearby,
+            f"{answer.memory_mb:.0f}",
+        )
+    console.print(table)
+    for problem in summary.problems:
+        console.print(f"  {problem}", style="yellow", highlight=False)

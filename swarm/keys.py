@@ -1,0 +1,68 @@
+"""Every key expression of a swarm, and what travels on it.
+
+========================================  ======================================================
+``dcpg/{swarm}/alive/{agent}/{inc}``      liveliness token; ``inc`` is the process's incarnation
+``dcpg/{swarm}/params/{agent}``           parameters of one round (:mod:`swarm.payload`), pushed
+``dcpg/{swarm}/state/{agent}``            queryable: the newest parameters, for one who joins
+``dcpg/{swarm}/status/{agent}``           queryable: :class:`swarm.telemetry.AgentStatus`
+``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
+========================================  ======================================================
+
+Receivers subscribe with ``*`` in the agent's place and believe the header, never the key: see the
+"wrong key" trap in the notes to Zenoh 1.10.
+"""
+
+import re
+from dataclasses import dataclass
+
+from swarm.errors import ConfigError
+
+ROOT = "dcpg"
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+
+
+def check_name(what: str, name: str) -> str:
+    """Return ``name`` if it can be a part of a key.
+
+    Raises:
+        ConfigError: it is empty, too long or has characters that mean something to Zenoh.
+    """
+    if not _NAME.fullmatch(name):
+        raise ConfigError(
+            f'{what} = "{name}": expected 1 to 64 letters, digits, "_", "-" or ".", '
+            "the first a letter or a digit"
+        )
+    return name
+
+
+@dataclass(frozen=True, slots=True)
+class Keys:
+    """The key expressions of the swarm called ``swarm``."""
+
+    swarm: str
+
+    def alive(self, agent: str = "*", incarnation: str = "*") -> str:
+        """Key of a liveliness token."""
+        return f"{ROOT}/{self.swarm}/alive/{agent}/{incarnation}"
+
+    def params(self, agent: str = "*") -> str:
+        """Key on which an agent publishes its parameters."""
+        return f"{ROOT}/{self.swarm}/params/{agent}"
+
+    def state(self, agent: str = "*") -> str:
+        """Key under which an agent answers with its newest parameters."""
+        return f"{ROOT}/{self.swarm}/state/{agent}"
+
+    def status(self, agent: str = "*") -> str:
+        """Key under which an agent answers with its status."""
+        return f"{ROOT}/{self.swarm}/status/{agent}"
+
+    def telemetry(self, agent: str = "*", what: str = "*") -> str:
+        """Key of what an agent tells about itself; ``what`` names the message type."""
+        return f"{ROOT}/{self.swarm}/telemetry/{agent}/{what}"
+
+    @staticmethod
+    def token(key: str) -> tuple[str, str]:
+        """(agent, incarnation) of a liveliness key."""
+        agent, incarnation = key.rsplit("/", 2)[1:]
+        return agent, incarnation

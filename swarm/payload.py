@@ -1,0 +1,139 @@
+"""Parameters on the wire: a typed header beside one flat buffer.
+
+The header is a small MessagePack map in Zenoh's attachment, the body the encoded vector
+(:mod:`swarm.compression`).  A receiver checks, in this order and before it reads a number: size of
+the header, its types and fields, protocol version, fingerprint of the layout, round, length; and
+finiteness after decoding.  Nothing received is unpickled, evaluated or trusted to name a path.
+"""
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from typing import Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from swarm.compression import Codec, FloatType
+from swarm.errors import PayloadError
+
+PROTOCOL = 1  # raise it when the meaning of a header or body changes
+HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
+
+Vector = NDArray[np.floating]
+Precision = Literal["float32", "float64"]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What one flat parameter vector means.
+
+    Attributes:
+        swarm: name of the swarm that agreed on it.
+        parts: name and shape of each tensor, in order.
+        precision: floating-point type of the vector in memory and on the wire.
+        copies: vectors per message (a mixing rule may send more than theta).
+        codec: name of the body's encoding.
+    """
+
+    swarm: str
+    parts: tuple[tuple[str, tuple[int, ...]], ...]
+    precision: Precision = "float32"
+    copies: int = 1
+    codec: str = "none"
+
+    @cached_property
+    def size(self) -> int:
+        """Number of parameters."""
+        return sum(prod(shape) for _, shape in self.parts)
+
+    @property
+    def dtype(self) -> FloatType:
+        """NumPy type of the vector."""
+        return np.dtype(np.float32 if self.precision == "float32" else np.float64)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Sixteen hexadecimal digits that two agents share only if they mean the same."""
+        text = repr((PROTOCOL, self.swarm, self.parts, self.precision, self.copies, self.codec))
+        return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+
+
+class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Travels beside one agent's parameters of one round.
+
+    Attributes:
+        version: :data:`PROTOCOL` of the sender.
+        fingerprint: :attr:`Layout.fingerprint` of the sender.
+        agent: who sends; this, not the key, is believed.
+        incarnation: which life of that agent's process.
+        round: number of the round that the parameters enter.
+        neighbours: with whom the sender exchanges in this round; an edge counts when both name
+            each other, and its weight follows from both lists' lengths.
+        used: weights that the sender used in its last rounds, by round and neighbour; see
+            :mod:`swarm.ledger`.
+    """
+
+    version: int
+    fingerprint: str
+    agent: str
+    incarnation: str
+    round: int
+    neighbours: tuple[str, ...]
+    used: dict[int, dict[str, float]] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """A header and the vector that came with it, both checked."""
+
+    header: ParameterHeader
+    vector: Vector
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(ParameterHeader)
+
+
+def encode_header(header: ParameterHeader) -> bytes:
+    """The attachment of a message."""
+    return _encoder.encode(header)
+
+
+def decode(attachment: bytes | None, body: bytes, layout: Layout, codec: Codec) -> Message:
+    """Check a received message against one's own layout and read it.
+
+    Raises:
+        PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint``,
+            ``round``, ``length`` or ``finite``.
+    """
+    if attachment is None or len(attachment) > HEADER_LIMIT:
+        length = 0 if attachment is None else len(attachment)
+        raise PayloadError(
+            "header", f"header of {length} bytes: expected 1 to {HEADER_LIMIT} bytes"
+        )
+    try:
+        header = _decoder.decode(attachment)
+    except msgspec.MsgspecError as error:
+        raise PayloadError("header", f"header does not read: {error}") from None
+    if header.version != PROTOCOL:
+        raise PayloadError("version", f"protocol {header.version}: expected {PROTOCOL}")
+    if header.fingerprint != layout.fingerprint:
+        raise PayloadError(
+            "fingerprint",
+            f"parameters of another layout, fingerprint {header.fingerprint!r}: "
+            f"expected {layout.fingerprint!r}",
+        )
+    if header.round < 0:
+        raise PayloadError("round", f"round {header.round}: expected 0 or more")
+    vector = codec.decode(body, layout.size * layout.copies, layout.dtype)
+    if not _all_finite(vector):
+        raise PayloadError("finite", "parameters are not finite")
+    return Message(header, vector)
+
+
+def _all_finite(vector: Vector) -> bool:
+    with np.errstate(over="ignore"):  # a large sum of squares only asks for a closer look
+        return bool(np.isfinite(np.dot(vector, vector)) or np.isfinite(vector).all())

@@ -1,0 +1,152 @@
+"""Real swarms for tests: start, watch and end the command line's own processes."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agent import checkpoint
+from agent.runfolder import RunFolder
+
+ROOT = Path(__file__).parents[2]
+SWARMS = ROOT / "deploy" / "swarms"
+GRIDWORLD_A = SWARMS / "gridworld-a.toml"
+MEMBERS = ("drone0", "drone1", "drone2", "drone3")
+PATIENCE = 60.0  # [s] a loaded machine may be slow; nothing here is a measurement
+
+
+def until(condition: Callable[[], bool], what: str, deadline: float = PATIENCE) -> None:
+    """Wait for a condition; fail with its name when it does not come true."""
+    end, pause = time.monotonic() + deadline, threading.Event()
+    while not condition():
+        assert time.monotonic() < end, f"{what} did not happen within {deadline:.0f} s"
+        pause.wait(0.02)
+
+
+def free_base_port(count: int) -> int:
+    """First of ``count`` ports in a row that nobody uses."""
+    for base in range(21_000, 60_000, count + 3):
+        probes = []
+        try:
+            for port in range(base, base + count):
+                probe = socket.socket()
+                probes.append(probe)
+                probe.bind(("127.0.0.1", port))
+        except OSError:
+            continue
+        finally:
+            for probe in probes:
+                probe.close()
+        return base
+    raise AssertionError("no free ports")
+
+
+@dataclass
+class Command:
+    """A running ``swarm ...`` command; its lines are collected as they come."""
+
+    process: subprocess.Popen[str]
+    lines: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line.rstrip("\n"))
+
+    @property
+    def output(self) -> str:
+        return "\n".join(self.lines)
+
+    def wait(self, deadline: float = PATIENCE) -> int:
+        """Exit code."""
+        code = self.process.wait(deadline)
+        self._reader.join(5.0)
+        return code
+
+    def says(self, text: str, deadline: float = PATIENCE) -> None:
+        """Wait until a line contains ``text``."""
+        until(lambda: text in self.output, f'"{text}" in:\n{self.output}\n', deadline)
+
+    def interrupt(self) -> None:
+        self.process.send_signal(signal.SIGINT)
+
+
+@contextmanager
+def swarm(*arguments: str | Path, cwd: Path) -> Iterator[Command]:
+    """Run ``swarm`` with these arguments; ended at the end whatever happens."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "deploy.cli", *map(str, arguments)],
+        cwd=cwd,
+        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "160"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    try:
+        yield Command(process)
+    finally:
+        if process.poll() is None:
+            process.terminate()
+            try:
+                process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
+    """Run ``swarm`` to its end: (exit code, output)."""
+    with swarm(*arguments, cwd=cwd) as command:
+        return command.wait(), command.output
+
+
+def status(folder: Path, cwd: Path, timeout: float = 5.0) -> tuple[int, dict[str, Any]]:
+    """``swarm status --json``: (exit code, what it said)."""
+    code, output = run("status", folder, "--json", "--timeout", str(timeout), cwd=cwd)
+    return code, json.loads(output)
+
+
+def final_thetas(folder: Path, agents: tuple[str, ...] = MEMBERS) -> np.ndarray:
+    """(N, d) parameters of each agent's newest checkpoint."""
+    run_folder, thetas = RunFolder(folder), []
+    for agent in agents:
+        held = run_folder.checkpoints(agent)
+        path = checkpoint.path_of(held, checkpoint.rounds_in(held)[-1])
+        thetas.append(checkpoint.read(path).theta)
+    return np.stack(thetas)
+
+
+def rounds_played(folder: Path, agent: str) -> int:
+    """Lines of an agent's metrics file."""
+    path = RunFolder(folder).metrics(agent)
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def agent_pids(folder: Path) -> dict[str, int]:
+    """Process ids of the agents that run for a folder, from /proc."""
+    pids = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            words = (entry / "cmdline").read_bytes().decode().split("\0")
+        except OSError:
+            continue
+        if "--supervised" in words and words[words.index("--run") + 1] == str(folder):
+            pids[words[words.index("--id") + 1]] = int(entry.name)
+    return pids
