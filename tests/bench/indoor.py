@@ -48,7 +48,7 @@ def poses_of(scene: str, count: int) -> Doubles:
     )
     rng = np.random.default_rng(0)
     envs.reset(seed=0)
-    poses = []
+    poses: list[Doubles] = []
     while len(poses) < count:
         poses += list(envs.pose)
         envs.step(rng.choice([11, 12, 12, 12, 13], size=8))
