@@ -100,8 +100,8 @@ def look(
     world_from_pixel = rays(pose, depth.shape[0], depth.shape[1], tangents)
     pixel_from_world = inverse(world_from_pixel)
     eye = pose[:3]
-    see(canvas, mesh, world, pixel_from_world, eye)
-    shade(canvas, mesh, world_from_pixel, pixel_from_world, eye, smooth, rgb, depth)
+    slots = see(canvas, mesh, world, pixel_from_world, eye)
+    shade(canvas, mesh, slots, world_from_pixel, pixel_from_world, eye, smooth, rgb, depth)
 
 
 class Renderer:

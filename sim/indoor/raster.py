@@ -37,6 +37,9 @@ class Canvas(NamedTuple):
     stale: Flags  # (H/8, W/8) whether `far` must be counted again
     triangle: Ints  # (T,) the triangle in a slot
     plane: Floats  # (T, 3) 1/depth = plane . (x, y, 1)
+    surface: Floats  # (T, 17) four surface coordinates, u and v of the texture [texels], a and b of
+    #   the lightmap, each as 4 numbers f: depth * f[:3] . (x, y, 1) + f[3]; last, texels a pixel at
+    #   depth one, to be multiplied by depth^3
 
 
 def canvas(height: int, width: int, triangles: int) -> Canvas:
@@ -48,6 +51,7 @@ def canvas(height: int, width: int, triangles: int) -> Canvas:
         stale=np.zeros((rows, columns), np.bool_),
         triangle=np.empty(triangles, np.int32),
         plane=np.empty((triangles, 3), np.float32),
+        surface=np.empty((triangles, 17), np.float32),
     )
 
 

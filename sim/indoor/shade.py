@@ -14,9 +14,10 @@ from sim.indoor.raster import Canvas
 
 Picture = npt.NDArray[np.uint8]
 
-CHUNK = 8  # pixels that share a mip level and a gradient of the light
+CHUNK = 16  # pixels that share a mip level and a gradient of the light
 INVERSE = np.array([0] + [-(-65536 // n) for n in range(1, CHUNK)])  # of the steps in a chunk
 ONE = np.uint64(1)
+LAST = np.uint64(CHUNK - 1)
 VOID = np.float32(np.inf)  # depth where nothing is
 
 
@@ -32,36 +33,80 @@ def _mix(low: np.integer, high: np.integer, share: float) -> np.int64:
 
 @compiled(fastmath={"contract", "nsz"})
 def _glow(
-    light: Words, g: Floats, inverse: float, x: int, y: int, chart: int, columns: int, rows: int
+    light: Words,
+    g: Floats,
+    s: int,
+    z: float,
+    xf: float,
+    yf: float,
+    at: int,
+    columns: int,
+    rows: int,
 ) -> tuple[np.int64, np.int64, np.int64]:
-    """The light on a pixel, between its four nearest texels; 1 << 24 is one."""
-    z = np.float32(1.0) / inverse
-    xf, yf = np.float32(x), np.float32(y)
-    a = g[2, 3] + z * (g[2, 0] * xf + g[2, 1] * yf + g[2, 2])
-    b = g[3, 3] + z * (g[3, 0] * xf + g[3, 1] * yf + g[3, 2])
+    """The light on a pixel at depth `z`, between its four nearest texels; 1 << 24 is one."""
+    a = g[s, 11] + z * (g[s, 8] * xf + g[s, 9] * yf + g[s, 10])
+    b = g[s, 15] + z * (g[s, 12] * xf + g[s, 13] * yf + g[s, 14])
     a = min(max(a, np.float32(0.0)), np.float32(columns - 1) - np.float32(0.001))
     b = min(max(b, np.float32(0.0)), np.float32(rows - 1) - np.float32(0.001))
     ia, ib = np.int64(a), np.int64(b)
-    fa, fb = np.int64((a - np.float32(ia)) * 256), np.int64((b - np.float32(ib)) * 256)
-    at = np.uint64(chart + ib * columns + ia)
-    below = at + np.uint64(columns)
+    fa = np.int64((a - np.float32(ia)) * np.float32(256.0))
+    fb = np.int64((b - np.float32(ib)) * np.float32(256.0))
+    here = np.uint64(at + ib * columns + ia)
+    below = here + np.uint64(columns)
     w00, w01 = (256 - fa) * (256 - fb), fa * (256 - fb)
     w10, w11 = (256 - fa) * fb, fa * fb
-    c00, c01 = np.int64(light[at]), np.int64(light[at + ONE])
+    c00, c01 = np.int64(light[here]), np.int64(light[here + ONE])
     c10, c11 = np.int64(light[below]), np.int64(light[below + ONE])
     red = (c00 & 255) * w00 + (c01 & 255) * w01 + (c10 & 255) * w10 + (c11 & 255) * w11
     green = (
-        (c00 >> 8 & 255) * w00 + (c01 >> 8 & 255) * w01
-        + (c10 >> 8 & 255) * w10 + (c11 >> 8 & 255) * w11
-    )  # fmt: skip
+        (c00 >> 8 & 255) * w00
+        + (c01 >> 8 & 255) * w01
+        + (c10 >> 8 & 255) * w10
+        + (c11 >> 8 & 255) * w11
+    )
     blue = (c00 >> 16) * w00 + (c01 >> 16) * w01 + (c10 >> 16) * w10 + (c11 >> 16) * w11
     return red + (red >> 8), green + (green >> 8), blue + (blue >> 8)
+
+
+@compiled(fastmath={"contract", "nsz"})
+def _prepare(canvas: Canvas, mesh: Mesh, slots: int, m: Doubles, w: Doubles, eye: Doubles) -> None:
+    """Surface coordinates over the picture, for every triangle drawn (see ``Canvas.surface``)."""
+    paint, shine, plane, surface = mesh.paint, mesh.shine, canvas.plane, canvas.surface
+    # the area of a pixel in the plane one metre ahead, for the mip level
+    pixel_area = np.sqrt(
+        (m[0, 0] ** 2 + m[1, 0] ** 2 + m[2, 0] ** 2) * (m[0, 1] ** 2 + m[1, 1] ** 2 + m[2, 1] ** 2)
+    )
+    for s in range(slots):
+        t = canvas.triangle[s]
+        period = float(1 << mesh.texture[t, 1])
+        for k in range(4):
+            f, row = (paint, k) if k < 2 else (shine, k - 2)
+            f0, f1, f2 = f[t, row, 0], f[t, row, 1], f[t, row, 2]
+            for axis in range(3):
+                surface[s, 4 * k + axis] = f0 * m[0, axis] + f1 * m[1, axis] + f2 * m[2, axis]
+            here = f0 * eye[0] + f1 * eye[1] + f2 * eye[2] + f[t, row, 3]
+            if k < 2:  # small numbers are exact numbers
+                here -= np.floor(here / period) * period
+            surface[s, 4 * k + 3] = here
+        # texels a square metre
+        ux, uy, uz = paint[t, 0, 0], paint[t, 0, 1], paint[t, 0, 2]
+        vx, vy, vz = paint[t, 1, 0], paint[t, 1, 1], paint[t, 1, 2]
+        cross_x, cross_y, cross_z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        density = np.sqrt(cross_x**2 + cross_y**2 + cross_z**2)
+        # 1/depth = plane . q: its gradient in the world is one over the plane's distance
+        slope = 0.0
+        for axis in range(3):
+            slope += (
+                plane[s, 0] * w[0, axis] + plane[s, 1] * w[1, axis] + plane[s, 2] * w[2, axis]
+            ) ** 2
+        surface[s, 16] = density * pixel_area * np.sqrt(slope)
 
 
 @compiled(fastmath={"contract", "nsz"})
 def shade(
     canvas: Canvas,
     mesh: Mesh,
+    slots: int,
     world_from_pixel: Doubles,
     pixel_from_world: Doubles,
     eye: Doubles,
@@ -69,110 +114,93 @@ def shade(
     rgb: Picture,
     depth: Floats,
 ) -> None:
-    """``world_from_pixel`` (3, 3) has the columns right, down (one pixel each) and corner ray."""
+    """Colour what ``see`` has found in its `slots`.
+
+    ``world_from_pixel`` (3, 3) has the columns right, down (one pixel each) and corner ray.
+    """
+    _prepare(canvas, mesh, slots, world_from_pixel, pixel_from_world, eye)
     height, width = depth.shape
-    inverse, owner, texels, light = canvas.inverse, canvas.owner, mesh.texels, mesh.light
-    paint, shine = mesh.paint, mesh.shine
-    m, w = world_from_pixel, pixel_from_world
-    # the area of a pixel in the plane one metre ahead, for the mip level
-    pixel_area = np.sqrt(
-        (m[0, 0] ** 2 + m[1, 0] ** 2 + m[2, 0] ** 2) * (m[0, 1] ** 2 + m[1, 1] ** 2 + m[2, 1] ** 2)
-    )
-    last = -1
-    g = np.empty((4, 4), np.float32)  # u, v, a, b: slope in x, slope in y, constant, at the eye
-    side = base = columns = rows = chart = 0
-    coarse = np.float32(0.0)
-    for y in range(height):
+    inverse, owner, triangle, g = canvas.inverse, canvas.owner, canvas.triangle, canvas.surface
+    texels, light, texture, chart = mesh.texels, mesh.light, mesh.texture, mesh.chart
+    one = np.float32(1.0)
+    texel = np.empty(CHUNK, np.int64)  # of the pixels of a chunk
+    for y in range(np.uint64(height)):
+        yf = np.float32(y)
         x = 0
         while x < width:
+            s = owner[y, x]
             if inverse[y, x] == 0.0:
                 rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
                 depth[y, x] = VOID
                 x += 1
                 continue
-            slot = owner[y, x]
             stop = x + 1
-            while stop < width and owner[y, stop] == slot and inverse[y, stop] > 0.0:
+            while stop < width and owner[y, stop] == s and inverse[y, stop] > 0.0:
                 stop += 1
-            if slot != last:
-                last = slot
-                t = canvas.triangle[slot]
-                base, side = mesh.texture[t, 0], mesh.texture[t, 1]
-                chart, columns, rows = mesh.chart[t, 0], mesh.chart[t, 1], mesh.chart[t, 2]
-                period = float(1 << side)
-                for k in range(4):
-                    f = paint[t, k] if k < 2 else shine[t, k - 2]
-                    for axis in range(3):
-                        g[k, axis] = f[0] * m[0, axis] + f[1] * m[1, axis] + f[2] * m[2, axis]
-                    here = f[0] * eye[0] + f[1] * eye[1] + f[2] * eye[2] + f[3]
-                    if k < 2:
-                        here -= np.floor(here / period) * period
-                    g[k, 3] = here
-                # texels per metre (root of the area) times the footprint at depth one
-                du, dv = paint[t, 0], paint[t, 1]
-                cross_x = du[1] * dv[2] - du[2] * dv[1]
-                cross_y = du[2] * dv[0] - du[0] * dv[2]
-                cross_z = du[0] * dv[1] - du[1] * dv[0]
-                density = np.sqrt(cross_x**2 + cross_y**2 + cross_z**2)
-                p = canvas.plane[slot]
-                # 1/depth = p . q: its gradient in the world is one over the plane's distance
-                slope = 0.0
-                for axis in range(3):
-                    slope += (p[0] * w[0, axis] + p[1] * w[1, axis] + p[2] * w[2, axis]) ** 2
-                coarse = np.float32(density * pixel_area * np.sqrt(slope))
+            t = triangle[s]
+            base, side = np.int64(texture[t, 0]), np.int64(texture[t, 1])
+            first, columns, rows = chart[t, 0], chart[t, 1], chart[t, 2]
             while x < stop:
                 end = min(x + CHUNK, stop)
-                # footprint area = depth^3 / distance of the plane; level = log4 of texels in it
-                z = np.float32(1.0) / inverse[y, (x + end) >> 1]
-                area = coarse * z * z * z
+                # footprint area = depth^3 / distance of the plane; a level has a quarter of texels
+                z = one / inverse[y, (x + end) >> 1]
+                area = g[s, 16] * z * z * z
                 level = 0
-                while area > 1.0 and level < side:
+                shrink = one
+                while area > one and level < side:
                     area *= np.float32(0.25)
+                    shrink *= np.float32(0.5)
                     level += 1
                 log_width = np.uint64(side - level)
                 start = np.uint64(
                     base + ((1 << (2 * side + 2)) - (1 << (2 * (side - level) + 2))) // 3
                 )
                 mask = np.uint64((1 << (side - level)) - 1)
-                shrink = np.float32(1.0 / (1 << level))
-                u0, du = (g[0, 1] * y + g[0, 2]) * shrink, g[0, 0] * shrink
-                v0, dv = (g[1, 1] * y + g[1, 2]) * shrink, g[1, 0] * shrink
-                u_here, v_here = g[0, 3] * shrink, g[1, 3] * shrink
+                u0, du = (g[s, 1] * yf + g[s, 2]) * shrink, g[s, 0] * shrink
+                v0, dv = (g[s, 5] * yf + g[s, 6]) * shrink, g[s, 4] * shrink
+                u_here, v_here = g[s, 3] * shrink, g[s, 7] * shrink
 
-                red, green, blue = _glow(light, g, inverse[y, x], x, y, chart, columns, rows)
+                z = one / inverse[y, x]
+                red, green, blue = _glow(light, g, s, z, np.float32(x), yf, first, columns, rows)
                 red_step = green_step = blue_step = 0
                 if end - x > 1:
-                    r, gr, b = _glow(
-                        light, g, inverse[y, end - 1], end - 1, y, chart, columns, rows
-                    )
+                    z = one / inverse[y, end - 1]
+                    r, gr, b = _glow(light, g, s, z, np.float32(end - 1), yf, first, columns, rows)
                     share = INVERSE[end - 1 - x]
                     red_step = ((r - red) * share) >> 16
                     green_step = ((gr - green) * share) >> 16
                     blue_step = ((b - blue) * share) >> 16
-                for column in range(x, end):
-                    z = np.float32(1.0) / inverse[y, column]
-                    depth[y, column] = z
-                    u = u_here + z * (du * np.float32(column) + u0)
-                    v = v_here + z * (dv * np.float32(column) + v0)
-                    if smooth:
-                        u -= np.float32(0.5)
-                        v -= np.float32(0.5)
-                        fu, fv = u - np.floor(u), v - np.floor(v)
-                        iu, iv = np.uint64(np.int64(np.floor(u))), np.uint64(np.int64(np.floor(v)))
-                        iu0, iv0 = iu & mask, iv & mask
-                        iu1, iv1 = (iu + ONE) & mask, (iv + ONE) & mask
-                        r0, r1 = start + (iv0 << log_width), start + (iv1 << log_width)
-                        texel = _mix(
-                            _mix(texels[r0 + iu0], texels[r0 + iu1], fu),
-                            _mix(texels[r1 + iu0], texels[r1 + iu1], fu),
-                            fv,
+                if smooth:
+                    for column in range(np.uint64(x), np.uint64(end)):
+                        z = one / inverse[y, column]
+                        depth[y, column] = z
+                        u = u_here + z * (du * np.float32(column) + u0) - np.float32(0.5)
+                        v = v_here + z * (dv * np.float32(column) + v0) - np.float32(0.5)
+                        floor_u, floor_v = np.floor(u), np.floor(v)
+                        iu, iv = np.uint64(np.int64(floor_u)), np.uint64(np.int64(floor_v))
+                        above = start + ((iv & mask) << log_width)
+                        beneath = start + (((iv + ONE) & mask) << log_width)
+                        left, right = iu & mask, (iu + ONE) & mask
+                        fu = u - floor_u
+                        texel[column & LAST] = _mix(
+                            _mix(texels[above + left], texels[above + right], fu),
+                            _mix(texels[beneath + left], texels[beneath + right], fu),
+                            v - floor_v,
                         )
-                    else:
+                else:
+                    for column in range(np.uint64(x), np.uint64(end)):
+                        z = one / inverse[y, column]
+                        depth[y, column] = z
+                        u = u_here + z * (du * np.float32(column) + u0)
+                        v = v_here + z * (dv * np.float32(column) + v0)
                         iu, iv = np.uint64(np.int64(np.floor(u))), np.uint64(np.int64(np.floor(v)))
-                        texel = np.int64(texels[start + ((iv & mask) << log_width) + (iu & mask)])
-                    rgb[y, column, 0] = ((texel & 255) * red) >> 24
-                    rgb[y, column, 1] = ((texel >> 8 & 255) * green) >> 24
-                    rgb[y, column, 2] = ((texel >> 16 & 255) * blue) >> 24
+                        at = start + ((iv & mask) << log_width) + (iu & mask)
+                        texel[column & LAST] = texels[at]
+                for column in range(np.uint64(x), np.uint64(end)):
+                    tone = texel[column & LAST]
+                    rgb[y, column, 0] = ((tone & 255) * red) >> 24
+                    rgb[y, column, 1] = ((tone >> 8 & 255) * green) >> 24
+                    rgb[y, column, 2] = ((tone >> 16 & 255) * blue) >> 24
                     red += red_step
                     green += green_step
                     blue += blue_step
