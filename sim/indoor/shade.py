@@ -35,13 +35,13 @@ def _mix(low: np.integer, high: np.integer, share: float) -> np.int64:
 def _glow(
     light: Words,
     g: Floats,
-    s: int,
-    z: float,
-    xf: float,
-    yf: float,
-    at: int,
-    columns: int,
-    rows: int,
+    s: np.integer,
+    z: np.float32,
+    xf: np.float32,
+    yf: np.float32,
+    at: np.integer,
+    columns: np.integer,
+    rows: np.integer,
 ) -> tuple[np.int64, np.int64, np.int64]:
     """The light on a pixel at depth `z`, between its four nearest texels; 1 << 24 is one."""
     a = g[s, 11] + z * (g[s, 8] * xf + g[s, 9] * yf + g[s, 10])

@@ -10,6 +10,7 @@ One line says what is wrong with a file: ``SceneError``.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,7 @@ def read(path: str, *, starts: Sequence[Sequence[float]] | None = None, lit: boo
         for pose in poses:
             _check_closed(mesh, pose[:3], path)
     if lit and mesh.triangles <= MAX_BAKED:
+        mesh, charts = _facing_rooms(mesh, charts)
         place = poses[:, :3] - np.array([0.0, 0.0, 0.4])
         lamps = Lamps(place, np.full((len(place), 3), 2.5))
         mesh = mesh._replace(light=light(path, mesh, charts, lamps, 1.5))
@@ -189,6 +191,29 @@ def _mesh(
         chart, np.concatenate(chains), np.full(texels, 0xD0D0D0, np.uint32), two_sided=True,
     )  # fmt: skip
     return mesh, charts
+
+
+def _facing_rooms(mesh: Mesh, charts: Charts) -> tuple[Mesh, Charts]:
+    """Turn every triangle's front to the side that has more room: files wind them either way.
+
+    Light is baked on the front only.  Rays that escape count as no room.
+    """
+    fan = _sphere(24)
+    count = mesh.triangles
+    chart = np.searchsorted(charts.size[:, 0], mesh.chart[:, 0])  # of each triangle of the tree
+    normal = charts.normal[chart]
+    middle = mesh.corner.mean(axis=1).astype(np.float64)
+    upward = np.sign(fan @ normal.T).T  # (T, 24) which side a ray leaves on
+    origins = middle[:, None] + 0.01 * upward[..., None] * normal[:, None]
+    rays = np.broadcast_to(fan, (count, *fan.shape)).reshape(-1, 3)
+    distance, _ = cast_many(mesh, 0, origins.reshape(-1, 3), np.ascontiguousarray(rays))
+    room = np.where(np.isfinite(distance), distance, 0.0).reshape(count, -1)
+    back = (room * upward).sum(axis=1) < 0
+    corner = mesh.corner.copy()
+    corner[back] = corner[back][:, [0, 2, 1]]
+    normals = charts.normal.copy()
+    normals[chart[back]] *= -1
+    return mesh._replace(corner=corner), replace(charts, normal=normals)
 
 
 def _by_direction(charts: Charts) -> Words:

@@ -75,6 +75,24 @@ def test_textures_keep_their_place(tmp_path: Path) -> None:
     assert rgb[51, 51].argmax() == 0
 
 
+def test_files_are_lit_whichever_way_they_are_wound(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rooms modelled as boxes face outwards; their walls are bright inside all the same."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    pictures = []
+    for name, turned in (("out.ply", False), ("in.ply", True)):
+        mesh = hall()
+        if turned:
+            mesh.invert()
+        mesh.export(tmp_path / name)
+        world = userfile.read(str(tmp_path / name))
+        pictures.append(Renderer(world.mesh, Camera()).look([1.0, 6.0, -1.5, 0, 0, 0]).rgb)
+    for rgb in pictures:
+        assert rgb.mean() > 60
+        assert (rgb.max(axis=2) > 20).mean() > 0.95
+
+
 def test_given_starts(tmp_path: Path) -> None:
     path = tmp_path / "hall.ply"
     hall().export(path)
