@@ -1,7 +1,7 @@
 """A contact sheet of the worlds: the floor plan from above and what the camera sees.
 
-``swarm worlds --sheet out.png``.  Pictures are written with matplotlib's Pillow: ``pip install
-.[figures]``.
+``swarm worlds --sheet out.png``; the one in ``deploy/pictures`` has ``--width 1464``.  Pictures are
+written with Pillow, which comes with matplotlib: ``pip install .[figures]``.
 """
 
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ TILE = (270, 480)  # pixels of one view
 OVER = 2  # samples a pixel, in each direction
 VIEWS = 5  # from the camera, beside the plan
 GAP = 6  # pixels between the tiles
+LABEL = 40  # pixels for a world's name, below its plan
 ALTITUDE = 400.0  # m; from so high a plan has hardly any perspective
 PAPER = 20  # grey of the sheet
 
@@ -40,10 +41,11 @@ def floor_plan(scene: Scene) -> Picture:
     low, high = points.min(axis=0), points.max(axis=0)
     north, east = (low[:2] + high[:2]) / 2
     aspect = TILE[1] / TILE[0]
-    span = 1.06 * max(high[1] - low[1], (high[0] - low[0]) * aspect)
+    span = 1.04 * max(high[1] - low[1], (high[0] - low[0]) * aspect * TILE[0] / (TILE[0] - LABEL))
+    north -= span / TILE[1] * LABEL / 2  # the name stands below
     camera = Camera(*TILE, hfov=2 * float(np.arctan(span / 2 / ALTITUDE)), aspect=aspect)
     picture = view(scene, [north, east, low[2] - ALTITUDE, 0.0, -np.pi / 2, 0.0], camera)
-    picture[(picture == 0).all(axis=2)] = PAPER + 12
+    picture[(picture == 0).all(axis=2)] = PAPER
     return picture
 
 
@@ -63,8 +65,11 @@ def panel(scene: Scene) -> Picture:
     return sheet
 
 
-def sheet(path: str | Path, scenes: Sequence[str] = NAMES) -> Path:
-    """Write the contact sheet of some worlds, two beside each other, and print a table of them."""
+def sheet(path: str | Path, scenes: Sequence[str] = NAMES, width: int | None = None) -> Path:
+    """Write the contact sheet of some worlds, two beside each other, and print a table of them.
+
+    With a `width` [pixels] it is reduced to that and to 128 colours, for a page.
+    """
     try:
         from PIL import Image, ImageDraw, ImageFont  # noqa: PLC0415
     except ImportError as error:
@@ -77,16 +82,18 @@ def sheet(path: str | Path, scenes: Sequence[str] = NAMES) -> Path:
         pen = ImageDraw.Draw(image)
         font = ImageFont.load_default(size=26)
         label = Path(world.name).name
-        left, top, right, bottom = pen.textbbox((GAP + 12, GAP + 10), label, font=font)
-        pen.rectangle((left - 8, top - 6, right + 8, bottom + 6), fill=(PAPER, PAPER, PAPER))
-        pen.text((GAP + 12, GAP + 10), label, font=font, fill=(240, 240, 235))
+        pen.text((GAP + 10, GAP + TILE[0] - 36), label, font=font, fill=(240, 240, 235))
         panels.append(np.asarray(image))
     while len(panels) % columns:
         panels.append(np.full_like(panels[0], PAPER))
     rows = [np.concatenate(panels[k : k + columns], axis=1) for k in range(0, len(panels), columns)]
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    Image.fromarray(np.concatenate(rows)).save(target, optimize=True)
+    whole = Image.fromarray(np.concatenate(rows))
+    if width is not None:
+        size = (width, whole.height * width // whole.width)
+        whole = whole.resize(size, Image.Resampling.LANCZOS).quantize(128, dither=Image.Dither.NONE)
+    whole.save(target, optimize=True)
     describe(worlds)
     Console().print(f"contact sheet: {target}")
     return target
@@ -109,9 +116,11 @@ def describe(worlds: Sequence[Scene]) -> None:
     Console().print(table)
 
 
-def worlds(scenes: Sequence[str] = NAMES, out: str | Path | None = None) -> None:
+def worlds(
+    scenes: Sequence[str] = NAMES, out: str | Path | None = None, width: int | None = None
+) -> None:
     """List the worlds; with `out`, draw their contact sheet too."""
     if out is None:
         describe([load(name) for name in scenes])
     else:
-        sheet(out, scenes)
+        sheet(out, scenes, width)

@@ -4,7 +4,8 @@
     envs = gymnasium.make_vec("sim:IndoorFlight-v0", num_envs=16, scene=[...])
 
 From plan to picture: ``scenes/`` describe, ``plan`` and ``furniture`` build faces (``shapes``,
-``textures``), ``assembly`` makes them a ``Mesh``, ``lighting`` bakes it, ``scene`` keeps it;
-``raster`` finds what each pixel sees, ``shade`` colours it (``camera``); ``collision`` and
-``reward`` judge; ``flights`` puts a step together; ``env`` and ``vector`` are its Gymnasium covers.
+``textures``, ``patterns``), ``assembly`` makes them a ``Mesh``, ``lighting`` bakes it, ``scene``
+keeps it; ``raster`` finds what each pixel sees, ``shade`` colours it (``camera``); ``collision``
+and ``reward`` judge; ``flights`` puts a step together; ``env`` and ``vector`` are its Gymnasium
+covers.
 """

@@ -8,6 +8,7 @@ says so on stderr, once, and only where the cache has nothing to offer.
 
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -31,20 +32,32 @@ def cache_dir() -> Path:
         with tempfile.TemporaryFile(dir=folder):
             return folder
     except OSError:
-        user = os.getuid() if hasattr(os, "getuid") else 0
-        folder = Path(tempfile.gettempdir()) / f"dcpg-swarm-{user}"
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return _own_temporary()
+
+
+def _own_temporary() -> Path:
+    """A folder for this user among the temporary files.
+
+    Compiled code is loaded from it, so one that another user made, or may write to, is not used.
+    """
+    user = os.getuid() if hasattr(os, "getuid") else 0
+    folder = Path(tempfile.gettempdir()) / f"dcpg-swarm-{user}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    state = folder.lstat()
+    if stat.S_ISDIR(state.st_mode) and state.st_uid == user and not state.st_mode & 0o022:
         return folder
+    return Path(tempfile.mkdtemp(prefix="dcpg-swarm-"))
 
 
 def _kernels_dir() -> str:
-    """One folder per state of this room's compiled sources."""
+    """One folder for each state of this room's compiled sources, also under NUMBA_CACHE_DIR."""
     digest = hashlib.sha256()
     for file in sorted(Path(__file__).parent.glob("*.py")):
         source = file.read_bytes()
         if b"@compiled" in source:
             digest.update(source)
-    return str(cache_dir() / f"kernels-{digest.hexdigest()[:16]}")
+    base = os.environ.get("NUMBA_CACHE_DIR") or cache_dir()
+    return str(Path(base) / f"kernels-{digest.hexdigest()[:16]}")
 
 
 class _Announcer(event.Listener):
@@ -67,7 +80,7 @@ class _Announcer(event.Listener):
         """Nothing to say."""
 
 
-FOLDER = os.environ.get("NUMBA_CACHE_DIR") or _kernels_dir()
+FOLDER = _kernels_dir()
 cast(Any, event).register("numba:compile", _Announcer())
 
 

@@ -5,8 +5,9 @@ Every function returns faces; ``Plan.put`` turns and places them.  Sizes are in 
 
 import numpy as np
 
+from sim.indoor.patterns import artwork, books, leaves
 from sim.indoor.shapes import Face, Point, ball, box, circle, face, fitted, move, prism
-from sim.indoor.textures import Material, artwork, books, leaves, plain, wood
+from sim.indoor.textures import Material, plain, wood
 
 METAL = plain("#6b7076")
 BLACK = plain("#1b1c1f")
@@ -139,7 +140,7 @@ def floor_lamp(shade: str = "#ffe2a8", height: float = 1.7) -> list[Face]:
     return faces
 
 
-def bin_(material: Material = BLACK) -> list[Face]:
+def wastebasket(material: Material = BLACK) -> list[Face]:
     return prism(circle((0, 0), 0.17, 12), 0, 0.55, material, BLACK, taper=1.15)
 
 

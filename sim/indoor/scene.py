@@ -38,12 +38,20 @@ class Scene:
     height: float  # m, floor to ceiling
 
 
-@lru_cache(maxsize=8)
 def load(name: str, *, lit: bool = True) -> Scene:
     """One of our worlds by its name, or a .glb, .gltf, .obj or .ply file by its path.
 
-    Without `lit` every surface is equally bright: for tests and for users in a hurry.
+    Without `lit` every surface is equally bright: for tests and for users in a hurry.  Asking again
+    gives the same object, until the file changes.
     """
+    file = Path(name)
+    stamp = file.stat().st_mtime_ns if not scenes.known(name) and file.is_file() else 0
+    return _load(name, lit, stamp)
+
+
+@lru_cache(maxsize=8)
+def _load(name: str, lit: bool, stamp: int) -> Scene:
+    """`stamp` tells one state of a file from the next."""
     if scenes.known(name):
         return build(name, scenes.plan(name), lit=lit)
     from sim.indoor import userfile  # noqa: PLC0415  (trimesh only where a file is read)

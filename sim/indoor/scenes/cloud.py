@@ -4,9 +4,10 @@ Brick of three kinds, a dark wooden floor, few cold lamps: dim, with deep shadow
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import artwork
 from sim.indoor.plan import Plan
 from sim.indoor.shapes import arc
-from sim.indoor.textures import artwork, brick, plain, planks, plaster
+from sim.indoor.textures import brick, plain, planks, plaster
 
 
 def draw() -> Plan:
@@ -62,9 +63,9 @@ def draw() -> Plan:
     for x, y, heading in [
         (2.5, -3.2, 80),
         (27.6, -3.6, 330),
-        (5.6, 8.6, 45),
-        (38.5, -3.2, 310),
-        (22.8, -1.2, 262),
+        (4.2, 5.2, 38),
+        (38.9, -2.6, 285),
+        (23.6, -1.6, 258),
     ]:
         plan.view(x, y, heading)
     return plan

@@ -4,19 +4,10 @@ White floor, red ceiling, every wall another pattern; bright.
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import artwork, diamonds, rings
 from sim.indoor.plan import Plan
 from sim.indoor.shapes import circle
-from sim.indoor.textures import (
-    artwork,
-    brick,
-    diamonds,
-    plain,
-    planks,
-    plaster,
-    rings,
-    rubble,
-    wood,
-)
+from sim.indoor.textures import brick, plain, planks, plaster, rubble, wood
 
 
 def draw() -> Plan:
@@ -72,7 +63,7 @@ def draw() -> Plan:
     plan.put(make.shelf(width=1.4, filled=False, material=make.OAK), (0.25, 10), 90)
     plan.put(make.cabinet(plain("#27408b")), (39.65, 8.5), 270)
     plan.put(make.barrel(plain("#1f3f8f")), (38.9, 13.9))
-    plan.put(make.bin_(plain("#24489a")), (16.5, 12.2))
+    plan.put(make.wastebasket(plain("#24489a")), (16.5, 12.2))
     plan.put(make.desk(plain("#d0e8f0", glow=0.5), make.WALNUT), (31.5, 17.4), 180)
     plan.put(
         make.picture(artwork("#f0ece0", "#d03020", "#e8e0c8", seed=11), 1.6, 1.0), (22.97, 12.8), 90
@@ -101,11 +92,11 @@ def draw() -> Plan:
                           (31, 4.4, 90), (18, -4.7, 90), (25, -4.7, 270)]:  # fmt: skip
         plan.start(x, y, heading)
     for x, y, heading in [
-        (1.6, 13.6, 115),
-        (15.5, 9.0, 250),
-        (24, 9.6, 60),
+        (2.6, 3.6, 38),
+        (15.6, 8.2, 262),
+        (25.6, 13.8, 78),
         (37.5, 14.5, 215),
-        (9.0, -3.2, 112),
+        (8.6, -2.6, 108),
     ]:
         plan.view(x, y, heading)
     return plan

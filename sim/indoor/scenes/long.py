@@ -5,8 +5,9 @@ brown parquet on the right.
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import artwork
 from sim.indoor.plan import Opening, Plan
-from sim.indoor.textures import artwork, brick, plain, planks, plaster, tiles
+from sim.indoor.textures import brick, plain, planks, plaster, tiles
 
 
 def draw() -> Plan:
@@ -51,7 +52,7 @@ def draw() -> Plan:
 
     # the corridor
     plan.put(make.bicycle(), (18.0, 11.85), 0)
-    plan.put(make.bin_(), (21.0, 15.6))
+    plan.put(make.wastebasket(), (21.0, 15.6))
     plan.put(make.bench(), (25.0, 15.7), 180)
     plan.put(
         make.picture(artwork("#123a3a", "#e0c070", "#c05030", "#f2eee2", seed=9)), (28, 15.98), 180
@@ -91,10 +92,10 @@ def draw() -> Plan:
                           (57.7, -3, 0), (53, 11, 315)]:  # fmt: skip
         plan.start(x, y, heading)
     for x, y, heading in [
-        (2.3, 3.2, 10),
+        (10.4, 12.9, 235),
         (12.2, 13.9, 85),
         (26, 13.7, 275),
-        (40.0, -1.2, 15),
+        (39.4, -0.6, 14),
         (52.5, 10.2, 292),
     ]:
         plan.view(x, y, heading)

@@ -4,8 +4,9 @@ Cyan floor, red mottled ceiling, yellow and green brick; light as of a swimming 
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import artwork, leaves, stripes
 from sim.indoor.plan import Plan
-from sim.indoor.textures import artwork, brick, leaves, plain, plaster, rubble, stripes, tiles
+from sim.indoor.textures import brick, plain, plaster, rubble, tiles
 
 
 def draw() -> Plan:
@@ -50,7 +51,7 @@ def draw() -> Plan:
     plan.put(make.barrel(stripes("#d8b020", "#202020", slant=3)), (0.7, 0.7))
     plan.put(make.crate(make.OAK, 0.7), (9, 0.6), 8)
     plan.put(make.crate(make.WALNUT, 0.5), (9.8, 0.5), 40)
-    plan.put(make.bin_(plain("#e8e8e8")), (17.0, 8.5), 0)
+    plan.put(make.wastebasket(plain("#e8e8e8")), (17.0, 8.5), 0)
     plan.put(make.globe(leaves("#58a848"), 0.4), (21.0, 5.9))
     plan.put(make.desk(plain("#bfe6ff", glow=0.6), make.WALNUT), (28.4, 13.7), 315)
     plan.put(
@@ -76,9 +77,9 @@ def draw() -> Plan:
                           (20, 23.5, 225)]:  # fmt: skip
         plan.start(x, y, heading)
     for x, y, heading in [
-        (1.6, 6.2, 12),
+        (2.2, 4.2, 6),
         (4.0, 28.6, 112),
-        (33.5, 21.5, 330),
+        (29.5, 27.6, 118),
         (18.5, 4.6, 35),
         (15.5, 18.5, 225),
     ]:

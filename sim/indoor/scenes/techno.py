@@ -4,8 +4,9 @@ Dark plates with lit slots, a grated floor, violet and cyan neon; lower and dark
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import panels, stripes
 from sim.indoor.plan import Plan
-from sim.indoor.textures import panels, plain, plaster, stripes, tiles
+from sim.indoor.textures import plain, plaster, tiles
 
 
 def draw() -> Plan:
@@ -47,7 +48,7 @@ def draw() -> Plan:
     plan.put(make.crate(make.METAL, 0.5), (0.5, 15.4), 20)
     plan.put(make.cabinet(make.METAL, width=2.0, height=1.1), (14.0, 25.7), 180)
     plan.put(make.bench(make.METAL), (22.1, 18), 270)
-    plan.put(make.bin_(make.METAL), (18.0, 7.0))
+    plan.put(make.wastebasket(make.METAL), (18.0, 7.0))
     plan.put(make.stairs(make.METAL, steps=4), (30, 1.2), 180)
     plan.put(make.chair(make.METAL, plain("#c02060")), (18.0, 19.5), 90)
     plan.put(make.plant(seed=11, height=1.2, pot=plain("#e8e8e8")), (39.2, 21.2))
@@ -65,8 +66,8 @@ def draw() -> Plan:
                           (32, 13, 270), (20, 9, 0)]:  # fmt: skip
         plan.start(x, y, heading)
     for x, y, heading in [
-        (7.2, 2.8, 75),
-        (38.2, 5.0, 0),
+        (12.6, 3.4, 285),
+        (37.2, 4.6, 8),
         (37, 22, 250),
         (8, 13, 90),
         (3, 20.5, 165),

@@ -4,8 +4,9 @@ Grey carpet, white ceiling tiles, cream walls with a blue band of doors and noti
 """
 
 from sim.indoor import furniture as make
+from sim.indoor.patterns import artwork
 from sim.indoor.plan import Opening, Plan
-from sim.indoor.textures import artwork, brick, plain, plaster, tiles, wood
+from sim.indoor.textures import brick, plain, plaster, tiles, wood
 
 
 def draw() -> Plan:
@@ -50,8 +51,8 @@ def draw() -> Plan:
                         ((33, 10.47), 180), ((0.02, 15), 90)]:  # fmt: skip
         plan.put(make.picture(cork, 1.8, 1.0, frame=make.METAL), at, heading)
     plan.put(make.bench(beech, 2.0), (25.9, 10), 90)
-    plan.put(make.bin_(plain("#2f5fa8")), (29.6, 0.5))
-    plan.put(make.bin_(plain("#3f8f4a")), (29.1, 0.45))
+    plan.put(make.wastebasket(plain("#2f5fa8")), (29.6, 0.5))
+    plan.put(make.wastebasket(plain("#3f8f4a")), (29.1, 0.45))
     plan.put(make.cabinet(plain("#9aa3ad"), 1.6, 1.3), (16.2, 19.7), 180)
     plan.put(make.cabinet(plain("#9aa3ad"), 1.6, 1.3), (2.2, 19.7), 180)
     plan.put(make.plant(seed=13, height=1.6, pot=plain("#f0f0f0")), (18.6, 23.4))
@@ -76,9 +77,9 @@ def draw() -> Plan:
     for x, y, heading in [
         (15.5, 2.0, 285),
         (27.6, 1.2, 350),
-        (37.6, 22.5, 145),
+        (42.3, 19.6, 150),
         (2.5, 16.6, 95),
-        (44.2, 20.4, 200),
+        (33.8, 8.6, 95),
     ]:
         plan.view(x, y, heading)
     return plan

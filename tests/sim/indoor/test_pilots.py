@@ -46,8 +46,8 @@ def test_plan_avoids_a_wall() -> None:
 
 def test_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     image = pytest.importorskip("PIL.Image")
-    monkeypatch.setattr(worlds, "TILE", (54, 96))
+    monkeypatch.setattr(worlds, "TILE", (108, 192))
     path = worlds.sheet(tmp_path / "sheet.png", ["indoor-pyramid"])
     picture = np.asarray(image.open(path))
-    assert picture.shape == (2 * 54 + 18, 3 * 96 + 24, 3)
+    assert picture.shape == (2 * 108 + 18, 3 * 192 + 24, 3)
     assert picture.std() > 30

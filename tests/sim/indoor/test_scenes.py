@@ -52,6 +52,10 @@ def test_worlds_differ() -> None:
             assert np.linalg.norm(tones[a] - tones[b]) > 8, (a, b)
 
 
+def test_a_world_is_loaded_once() -> None:
+    assert load("indoor-techno", lit=False) is load("indoor-techno", lit=False)
+
+
 def test_unknown_names_are_refused_in_one_line() -> None:
     with pytest.raises(SceneError, match="no scene 'indoor-attic': expected one of indoor-long"):
         load("indoor-attic")
@@ -102,7 +106,10 @@ def test_without_a_writable_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "blocked").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "blocked"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    assert compiled.cache_dir().parent == tmp_path
+    folder = compiled.cache_dir()
+    assert folder.parent == tmp_path and folder == compiled.cache_dir()
+    folder.chmod(0o777)  # others may write: not to be trusted with compiled code
+    assert compiled.cache_dir() != folder
 
 
 def test_concave_faces_are_cut_into_their_area() -> None:
