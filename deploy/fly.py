@@ -218,7 +218,10 @@ def fly(
     *,
     as_json: bool = False,
 ) -> list[Result]:
-    """Measure a pilot in some worlds and print a table, or JSON."""
+    """Measure a pilot in some worlds and print a table, or JSON.
+
+    The greedy one flies 1 km a flight, in about 2 s of CPU time each.
+    """
     results = [measure(scene, pilot, flights, seed) for scene in scenes]
     if as_json:
         print(json.dumps([asdict(result) for result in results], indent=2))

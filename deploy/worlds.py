@@ -68,7 +68,7 @@ def panel(scene: Scene) -> Picture:
 def sheet(path: str | Path, scenes: Sequence[str] = NAMES, width: int | None = None) -> Path:
     """Write the contact sheet of some worlds, two beside each other, and print a table of them.
 
-    With a `width` [pixels] it is reduced to that and to 128 colours, for a page.
+    With a `width` [pixels] it is reduced to that and to 256 colours, for a page.
     """
     try:
         from PIL import Image, ImageDraw, ImageFont  # noqa: PLC0415
@@ -92,7 +92,9 @@ def sheet(path: str | Path, scenes: Sequence[str] = NAMES, width: int | None = N
     whole = Image.fromarray(np.concatenate(rows))
     if width is not None:
         size = (width, whole.height * width // whole.width)
-        whole = whole.resize(size, Image.Resampling.LANCZOS).quantize(128, dither=Image.Dither.NONE)
+        whole = whole.resize(size, Image.Resampling.LANCZOS)
+        palette = whole.quantize(256, method=Image.Quantize.FASTOCTREE)
+        whole = whole.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
     whole.save(target, optimize=True)
     describe(worlds)
     Console().print(f"contact sheet: {target}")

@@ -1,10 +1,10 @@
 """Worlds of the user's own: any glTF/GLB, OBJ or PLY file, through trimesh.
 
 What a file must be: triangles in metres that close a room around every start.  glTF is y-up by its
-standard, OBJ and PLY are taken as z-up; x is east.  Textures and colours are kept (base colour
-only), lamps are not: a world without lamps of ours is lit by an even sky of light in its rooms,
-baked like ours.  Start poses are found (or given by the caller of ``read``): level places with
-clearance all around, where a flight in the chosen heading is not over at once.
+standard, OBJ and PLY are taken as z-up; x is east.  Base colours and their textures are kept, lamps
+are not: every start gets one of ours above it, and the light is baked like ours.  Start poses are
+found (or given by the caller of ``read``): level places with clearance all around, headed where
+there is most room.
 
 One line says what is wrong with a file: ``SceneError``.
 """
