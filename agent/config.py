@@ -15,11 +15,11 @@ from agent.optimizers import Optimizer, Sgd
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
-from swarm.exchange import Timing
 from swarm.keys import check_name
 from swarm.loss import Loss
 from swarm.mixing import Mixing
 from swarm.session import Network
+from swarm.timing import Timing
 from swarm.topology import Topology, check
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
@@ -44,11 +44,15 @@ class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         id: unique name, part of its keys.
         task: its world.
         endpoint: where it listens, e.g. ``tcp/10.0.0.7:7447``; default from ``[network]``.
+        namespace: network namespace in which ``swarm up`` starts it (root; for tests of networks).
+        device: its network device there.
     """
 
     id: str
     task: Task
     endpoint: str | None = None
+    namespace: str | None = None
+    device: str | None = None
 
 
 class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,20 +65,6 @@ class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     uniform: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
     rounds: Annotated[int, msgspec.Meta(ge=0)] = 0
-
-
-class Pace(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whether agents wait for each other.
-
-    Attributes:
-        mode: ``sync``: every round waits for the neighbours' parameters of that round; ``async``:
-            it takes the newest that are there.
-        staleness: how many rounds apart (async): older parameters do not count, and who falls
-            further behind jumps ahead.
-    """
-
-    mode: Literal["sync", "async"] = "sync"
-    staleness: Annotated[int, msgspec.Meta(ge=1)] = 16
 
 
 class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -90,7 +80,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
-        pace: whether agents wait for each other.
+        pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it
+            takes what has come, nobody waits, and the first to finish ends the run for all.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.
@@ -107,7 +98,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     optimizer: Optimizer = Sgd()
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
-    pace: Pace = Pace()
+    pace: Literal["sync", "async"] = "sync"
     start_mixing: StartMixing = StartMixing()
     loss: Loss = Loss()
     network: Network = Network()

@@ -95,13 +95,13 @@ def run_agent(
         session = resources.enter_context(
             open_session(config.network, endpoints[index : index + 1], endpoints[:index])
         )
+        roster = resources.enter_context(Roster(session, keys))
         exchange = resources.enter_context(
             Exchange(
                 session, keys, (agent, incarnation), config.members, layout, mixer.codec,
-                config.timing,
+                config.timing, roster,
             )
         )  # fmt: skip
-        roster = resources.enter_context(Roster(session, keys, exchange.wake))
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
         metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
         rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
@@ -244,7 +244,7 @@ def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
     theta = life.at.theta
     rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
     limit = rounds.config.timing.finish
-    rounds.exchange.gather(life.at.round, nearby, rounds.roster, rounds.stop, limit)
+    rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
 
 
 def _serve_status(
@@ -278,6 +278,7 @@ def _serve_status(
             disagreement=report.disagreement if report else None,
             sketch=tuple(sketch(life.at.theta).tolist()),
             rejected=rounds.exchange.rejected,
+            quarantined=rounds.exchange.quarantined,
             one_sided=rounds.ledger.one_sided,
             memory_mb=_resident_mb(),
         )

@@ -15,6 +15,8 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from agent.config import SwarmFile
 from agent.learner import Learner, Step, Vector
 from swarm.consensus import disagreement
@@ -95,6 +97,8 @@ class Rounds:
             return None
         arrived = self._counting(round_, gathered)
         weights = self._weights(nearby, gathered)
+        if self.config.pace == "async":
+            weights = {sender: weights[sender] for sender in arrived}
         new = self.mixer.mix(theta, step.vector, arrived, weights)
         self.ledger.record(round_, {n: weights[n] for n in self.mixer.shares}, self.mixer.shares)
         return Outcome(
@@ -109,12 +113,13 @@ class Rounds:
 
     def _publish(self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector) -> None:
         body = self.mixer.outgoing(theta, step)
-        self.exchange.publish(round_, nearby, body, self.ledger.used)
+        norm = float(np.linalg.norm(theta))
+        self.exchange.publish(round_, nearby, body, self.ledger.used, norm)
 
     def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
-        if self.config.pace.mode == "async":
-            return self.exchange.look(round_, nearby, self.config.pace.staleness)
-        return self.exchange.gather(round_, nearby, self.roster, self.stop)
+        if self.config.pace == "async":
+            return self.exchange.look(nearby, self.config.rounds)
+        return self.exchange.gather(round_, nearby, self.stop)
 
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
         """Messages of neighbours that also count us, less those lost on purpose."""

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.compression import CODECS, Codec, Compression
+from swarm.robust import Robust, shares
 
 Vector = NDArray[np.floating]
 State = dict[str, Vector]
@@ -46,11 +47,13 @@ class Mixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             one heard, ``give-back`` nothing (one-sided), ``symmetric`` nothing, on both sides of
             the edge.
         compression: encoding on the wire.
+        robust: how far to trust neighbours.
     """
 
     rule: RuleName = "dcpg"
     missing: Missing = "stale"
     compression: Compression = "none"
+    robust: Robust = Robust()
 
 
 class Rule(Protocol):
@@ -235,7 +238,7 @@ class Mixer:
             raise RuntimeError("mix() before outgoing()")
         # What the rule means by its own message; differs from `sent` by the encoding's error.
         mean = self.rule.message(theta, step, self.state)
-        self.shares = {}
+        differences = {}
         for neighbour in sorted(weights):  # one fixed order: sums are the same bit for bit
             vector = arrived.get(neighbour)
             if vector is not None:
@@ -244,6 +247,8 @@ class Mixer:
             elif stale:
                 vector = self.heard.get(neighbour)
             if vector is not None:
-                self.shares[neighbour] = theta.dtype.type(weights[neighbour]) * (vector - sent)
-                mean = mean + self.shares[neighbour]
+                differences[neighbour] = vector - sent
+        self.shares = shares(self.config.robust, differences, weights)
+        for share in self.shares.values():
+            mean = mean + share
         return self.rule.update(theta, step, mean, self.state)

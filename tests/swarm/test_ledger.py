@@ -1,9 +1,7 @@
-"""Accounts of an edge, compared from both ends; and how long a round may take."""
+"""Accounts of an edge, compared from both ends."""
 
 import numpy as np
-import pytest
 
-from swarm.exchange import PATIENCE, Timing, deadline
 from swarm.ledger import REPEATED, Ledger
 from swarm.payload import PROTOCOL, ParameterHeader
 
@@ -66,12 +64,3 @@ def test_who_has_gone_on_without_us_is_known_before_mixing() -> None:
     in_step = header("d", 5, {4: {}})
     silent = header("e", 7, {6: {}})
     assert Ledger("me").declined(5, [gone_on, with_us, in_step, silent]) == {"b"}
-
-
-def test_the_deadline_follows_the_rounds_within_floor_and_ceiling() -> None:
-    timing = Timing(round=30.0, round_floor=2.0)
-    assert deadline([], timing) == 30.0
-    assert deadline([0.004] * 20, timing) == 2.0
-    assert deadline([1.5] * 20, timing) == pytest.approx(PATIENCE * 1.5)
-    assert deadline([1.0] * 19 + [25.0], timing) == pytest.approx(PATIENCE)
-    assert deadline([20.0] * 5, timing) == 30.0
