@@ -20,28 +20,34 @@ RENDER = Camera(height=180, width=320)  # PEDRA's picture
 class IndoorFlight(gymnasium.Env[Observation, np.int64]):
     """Fly as far as you can without touching anything, by what one camera sees.
 
-    ## Observation
+    ## Description
+    A drone in a closed indoor world, after PEDRA, the simulator of the paper's drone experiment.
+    Every step it turns its nose and advances 0.4 m.  Our worlds are loops: a good pilot never stops.
+
+    ## Observation Space
     ``Box(0, 255, (103, 103, 3), uint8)``: RGB, 80 degrees wide, 16:9 (see ``camera.py``).  The
     metric depth of the same picture is ``env.unwrapped.depth`` (float32 [m], along the optical
     axis); it is not part of the observation.
 
-    ## Actions
+    ## Action Space
     ``Discrete(25)``: ``5 i + j``; j turns the nose by -21.3, -10.7, 0, 10.7 or 21.3 degrees
     (positive to the right), i descends at -12, -6, 0, 6 or 12 degrees (positive down); then the
     drone advances 0.4 m horizontally along its new heading.  12 is straight ahead.  Both angles
     carry uniform noise of a sixth of their step.  The camera stays level.
 
-    ## Reward
+    ## Rewards
     PEDRA's dynamic windowing (``reward.py``): 0 to 1, the depth of the nearest things ahead over
     19.6 m; -1 for a crash.
 
-    ## Start, end
-    A flight begins at one of the scene's start poses, 1.5 m above the floor; with
-    ``options={"pose": (x, y, z, yaw)}`` wherever you like, with ``options={"start": k}`` at start
-    ``k``.  It is *terminated* by a crash: the drone (a sphere of 0.25 m) touches something, or the
-    reward falls under 0.07 (1.37 m).  It is *truncated* after ``max_steps``; ``None`` is never.
+    ## Starting State
+    One of the scene's start poses, 1.5 m above the floor; with ``options={"pose": (x, y, z, yaw)}``
+    wherever you like, with ``options={"start": k}`` at start ``k``.
 
-    ## Info
+    ## Episode End
+    *Terminated* by a crash: the drone (a sphere of 0.25 m) touches something, or the reward falls
+    under 0.07 (1.37 m).  *Truncated* after ``max_steps``; ``None`` is never.
+
+    ## Information
     ``distance``: metres flown horizontally in this episode (safe flight); ``pose``: x, y, z [m,
     NED: north, east, down], roll, pitch, yaw [rad, yaw clockwise from north]; ``touched``: whether
     the drone touches something.
