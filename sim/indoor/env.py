@@ -22,7 +22,7 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
 
     ## Description
     A drone in a closed indoor world, after PEDRA, the simulator of the paper's drone experiment.
-    Every step it turns its nose and advances 0.4 m.  Our worlds are loops: a good pilot never stops.
+    Every step it turns its nose and advances 0.4 m.  Our worlds are loops: good pilots never stop.
 
     ## Observation Space
     ``Box(0, 255, (103, 103, 3), uint8)``: RGB, 80 degrees wide, 16:9 (see ``camera.py``).  The
