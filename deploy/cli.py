@@ -145,6 +145,25 @@ def view(
 
 
 @app.command()
+def doctor(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    id_: Annotated[
+        str | None, typer.Option("--id", help="Look as this agent, from its machine.")
+    ] = None,
+    json: AsJson = False,
+    timeout: Annotated[float, typer.Option(help="Longest single wait [s].")] = 2.0,
+) -> None:
+    """Say why an agent sees nobody, and what to change.  Exit code: 0 all is well, 1 it is not."""
+    from deploy.doctor import diagnose, show  # noqa: PLC0415
+
+    raise typer.Exit(show(diagnose(target, settings or (), id_, timeout), json))
+
+
+@app.command()
 def certs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates are kept.")],
     file: Annotated[

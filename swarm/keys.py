@@ -75,3 +75,9 @@ class Keys:
         """(agent, incarnation) of a liveliness key."""
         agent, incarnation = key.rsplit("/", 2)[1:]
         return agent, incarnation
+
+    @staticmethod
+    def identity(key: str) -> tuple[str, str]:
+        """(swarm, agent) of any key."""
+        _, swarm, _, agent, *_ = key.split("/")
+        return swarm, agent

@@ -215,9 +215,14 @@ def read_certificate(files: Security) -> Certificate:
     subject = {key: value for entry in shown["subject"] for key, value in entry}
     return Certificate(
         name=subject.get("commonName", ""),
-        hosts=tuple(host for _, host in shown.get("subjectAltName", ())),
+        hosts=hosts_in(shown),
         until=ssl.cert_time_to_seconds(shown["notAfter"]),
     )
+
+
+def hosts_in(shown: Any) -> tuple[str, ...]:
+    """Names and addresses in what :meth:`ssl.SSLSocket.getpeercert` returned."""
+    return tuple(host for _, host in (shown or {}).get("subjectAltName", ()))
 
 
 def contexts(files: Security) -> tuple[ssl.SSLContext, ssl.SSLContext]:
