@@ -37,6 +37,7 @@ LOCAL = ("localhost", "127.0.0.1")  # names that every certificate bears
 CA_DAYS = 3650  # [days]
 BACKDATED = timedelta(days=1)  # a drone's clock may be slow before it has a fix; a guess
 AUTHORITY = "swarm authority"
+AUTHORITY_FILE = "ca"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,10 +61,11 @@ def hosts_of(
     Raises:
         ConfigError: no agents, or a host of an agent that is not among them.
     """
-    of: dict[str, set[str]] = {name: set() for name in agents.split(",") if name}
-    for member in config.members if config else ():
-        assert config is not None
-        of.setdefault(member, set()).add(host_and_port(config.endpoint(member))[0])
+    of: dict[str, set[str]] = {}
+    if config is not None:
+        of = {m: {host_and_port(config.endpoint(m))[0]} for m in config.members}
+    for name in filter(None, agents.split(",")):
+        of.setdefault(name, set())
     if not of:
         raise ConfigError("certs: expected a swarm file or --agents drone0,drone1,...")
     for entry in hosts:
@@ -78,17 +80,18 @@ def hosts_of(
 def tell(folder: Path, made: Collection[str]) -> None:
     """Print what was made and what belongs where."""
     print(f"made in {folder}: {', '.join(made)}" if made else f"{folder}: nothing was missing")
-    print(
-        f"""copy  {folder}/ca.pem                   to every machine
-      {folder}/ID.pem, {folder}/ID.key  to the machine of agent ID, and nowhere else
-      {folder}/{OBSERVER}.pem, .key         to where status, view and up are run
-keep  {folder}/ca.key                   here, safe: who has it makes members
-then  add to the swarm file (paths begin at its folder):
+    print(f"""
+{folder}/ca.pem            to every machine
+{folder}/ID.pem, ID.key    to the machine of agent ID, and nowhere else
+{folder}/{OBSERVER}.*        to where up, status, view and doctor are run
+{folder}/ca.key            stays here, safe: who has it makes members
+
+in every swarm file (relative paths begin at its folder):
+
 [network.security]
 ca = "{folder.resolve()}/ca.pem"
 certificate = "{folder.resolve()}/{AGENT}.pem"
-key = "{folder.resolve()}/{AGENT}.key\""""
-    )
+key = "{folder.resolve()}/{AGENT}.key\"""")
 
 
 def make_certificates(
@@ -112,8 +115,8 @@ def make_certificates(
         ConfigError: a name or file will not do.
     """
     for agent in hosts:
-        if check_name("agent", agent) == OBSERVER:
-            raise ConfigError(f'agent "{agent}": expected another id, this one is for observers')
+        if check_name("agent", agent) in {OBSERVER, AUTHORITY_FILE}:
+            raise ConfigError(f'agent "{agent}": expected another id, this one is taken')
     try:
         folder.mkdir(parents=True, exist_ok=True)
         authority = _authority(folder)
@@ -132,11 +135,11 @@ def make_certificates(
 
 def _authority(folder: Path) -> Authority:
     """The folder's authority; a new one in an empty folder."""
-    certificate_file, key_file = folder / "ca.pem", folder / "ca.key"
+    certificate_file, key_file = (folder / f"{AUTHORITY_FILE}.{end}" for end in ("pem", "key"))
     if not certificate_file.exists() and not key_file.exists():
         key = ec.generate_private_key(ec.SECP256R1())
         certificate = _sign(AUTHORITY, key, None, CA_DAYS, ())
-        _write(folder, "ca", certificate, key)
+        _write(folder, AUTHORITY_FILE, certificate, key)
         return Authority(certificate, key)
     try:
         certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())

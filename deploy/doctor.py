@@ -14,7 +14,7 @@ from rich.text import Text
 
 from agent.config import SwarmFile
 from deploy.local import check_tasks
-from deploy.probe import Answer, Facts, Outcome, Spoken, Token, examine, fits, spoken_by
+from deploy.probe import Answer, Facts, Outcome, Token, examine, fits, language
 from deploy.status import find_config
 from swarm.errors import ConfigError
 from swarm.session import host_and_port
@@ -71,7 +71,7 @@ def diagnose(
         for member in config.members:
             host_and_port(config.endpoint(member))
         check_tasks(config)
-        ours = spoken_by(config)
+        ours = language(config)
     except ConfigError as error:
         check = Check("file", False, str(error), "correct it; the other checks come after")
         return Diagnosis(swarm="", agent=agent, healthy=False, checks=(check,))
@@ -98,14 +98,9 @@ def working(facts: Facts) -> tuple[str, ...]:
 
 def judge(facts: Facts) -> Iterator[Check]:
     """All checks, in the order in which they should be mended."""
-    config = facts.config
-    count = len(config.members)
-    yield Check(
-        "file",
-        True,
-        f'swarm "{config.name}" of {count} agents, protocol '
-        f"{facts.ours.version}, layout {facts.ours.fingerprint}",
-    )
+    config, ours = facts.config, facts.ours.params
+    what = f"protocol {ours.version}, layout {ours.fingerprint}"
+    yield Check("file", True, f'swarm "{config.name}" of {len(config.members)} agents, {what}')
     yield judge_security(facts)
     if facts.agent is not None:
         yield judge_port(facts, facts.agent)
@@ -215,7 +210,7 @@ def judge_endpoint(config: SwarmFile, member: str, answer: Answer) -> Check:
     if any(swarm == config.name for swarm, _ in answer.tokens):
         advice = "give all agents the same file: their endpoints differ"
     else:
-        advice = f'set name = "{answer.tokens[0][0]}", or move one swarm to another base_port'
+        advice = _rename(answer.tokens[0][0], config.name)
     return Check(name, False, f"{place}: {_inhabitants(answer.tokens)} lives there", advice)
 
 
@@ -248,31 +243,29 @@ def judge_members(facts: Facts) -> Check:
         return Check(name, True, text)
     if isinstance(facts.certificate, str):
         return Check(name, None, "not asked for want of a certificate")
-    if others and not here:
-        advice = f'names differ: set name = "{others[0][0]}" here, or "{config.name}" there'
-        return Check(name, False, text, advice)
-    return Check(name, False, text, "start them, or mend their endpoints")
+    # Why single agents are absent is said of their endpoints.
+    advice = _rename(others[0][0], config.name) if others and not here else ""
+    return Check(name, False, text, advice)
 
 
 def judge_layouts(facts: Facts) -> Check:
-    """Whether the others' parameters mean the same as ours."""
-    name, wrong = "layout", []
-    heard = {m: a.spoken for m, a in facts.answers.items() if a.spoken is not None}
-    for member, spoken in heard.items():
-        if spoken.version != facts.ours.version:
-            wrong.append(f"{member} speaks protocol {spoken.version}")
-        elif spoken.fingerprint != facts.ours.fingerprint:
-            wrong.append(f"{member} has layout {spoken.fingerprint}")
+    """Whether the others' messages mean the same as ours would."""
+    name, wrong, ours = "layout", [], facts.ours
+    heard = {m: a for m, a in facts.answers.items() if a.params or a.state}
+    for member, answer in heard.items():
+        for theirs, mine in ((answer.state, ours.state), (answer.params, ours.params)):
+            if theirs is not None and theirs.version != mine.version:
+                wrong.append(f"{member} speaks protocol {theirs.version}, we {mine.version}")
+                break
+            if theirs is not None and theirs.fingerprint != mine.fingerprint:
+                wrong.append(f"{member} has layout {theirs.fingerprint}, we {mine.fingerprint}")
+                break
     if not heard:
         return Check(name, None, "no agent of this swarm to compare with")
     if wrong:
-        return Check(
-            name,
-            False,
-            f"{', '.join(wrong)}; this file: {_said(facts.ours)}",
-            "give all the same release and the same policy, mixing and tasks",
-        )
-    return Check(name, True, f"{', '.join(heard)}: {_said(facts.ours)}, as this file")
+        advice = "give all the same release and a file with the same policy, mixing and tasks"
+        return Check(name, False, "; ".join(wrong), advice)
+    return Check(name, True, f"{', '.join(heard)}: as this file")
 
 
 def judge_clocks(facts: Facts) -> Check:
@@ -280,23 +273,22 @@ def judge_clocks(facts: Facts) -> Check:
     clocks = {m: a.clock for m, a in facts.answers.items() if a.clock is not None}
     if not clocks:
         return Check("clock", None, "no agent that learns now told its time")
-    text = ", ".join(f"{member} {offset:+.2f} s" for member, offset in clocks.items())
+    text = ", ".join(f"{m} {round(offset, 1) + 0.0:+.1f} s" for m, offset in clocks.items())
     if any(abs(offset) > CLOCKS for offset in clocks.values()):
-        return Check(
-            "clock",
-            False,
-            text,
-            "let all machines follow one time server; certificates go by the clock",
-        )
+        advice = "let all machines follow one time server; certificates go by the clock, too"
+        return Check("clock", False, text, advice)
     return Check("clock", True, text)
 
 
-def _said(spoken: Spoken) -> str:
-    return f"protocol {spoken.version}, layout {spoken.fingerprint}"
+def _rename(theirs: str, ours: str) -> str:
+    return f'to be one swarm: set name = "{theirs}" here, or name = "{ours}" there'
 
 
 def _inhabitants(tokens: Iterable[Token]) -> str:
-    return ", ".join(f'{agent} of swarm "{swarm}"' for swarm, agent in tokens)
+    agents: dict[str, list[str]] = {}
+    for swarm, agent in tokens:
+        agents.setdefault(swarm, []).append(agent)
+    return "; ".join(f'{", ".join(names)} of swarm "{swarm}"' for swarm, names in agents.items())
 
 
 def show(diagnosis: Diagnosis, as_json: bool) -> int:
@@ -307,11 +299,10 @@ def show(diagnosis: Diagnosis, as_json: bool) -> int:
     console = Console(highlight=False, soft_wrap=True)
     for check in diagnosis.checks:
         mark, style = MARKS[check.ok]
-        console.print(
-            Text.assemble((f"{mark} ", style), (f"{check.name:<12}", "bold"), check.found)
-        )
-        if check.advice:
-            console.print(Text.assemble((f"{'→':>15} ", "yellow"), check.advice))
+        name = (f"{check.name:<12}", "bold")
+        console.print(Text.assemble((f"{mark} ", style), name, check.found))
     if diagnosis.endpoints:
         console.print(f"working endpoints: {' '.join(diagnosis.endpoints)}", markup=False)
+    for advice in dict.fromkeys(check.advice for check in diagnosis.checks if check.advice):
+        console.print(Text.assemble(("→ ", "yellow"), advice))
     return 0 if diagnosis.healthy else 1

@@ -9,9 +9,9 @@ import json
 import socket
 import ssl
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -29,6 +29,7 @@ from swarm.session import Network, host_and_port, open_session
 from swarm.telemetry import RoundReport, watch_reports
 
 PAUSE = 0.02  # [s] between two looks
+LISTEN = 1.0  # [s] for a round's messages: who is not learning now sends none
 AT_ONCE = 16  # endpoints looked at side by side
 
 Outcome = Literal[
@@ -57,6 +58,14 @@ class Spoken(msgspec.Struct, frozen=True):
 
 
 @dataclass(frozen=True, slots=True)
+class Language:
+    """What a swarm file makes an agent say of itself: in rounds, and to joiners."""
+
+    params: Spoken
+    state: Spoken
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """What an endpoint gave.
 
@@ -65,7 +74,7 @@ class Answer:
         outcome: how far we got.
         detail: the system's words where they add something.
         tokens: who lives there, of whatever swarm.
-        spoken: protocol and layout of an agent of our swarm there.
+        params, state: protocol and layout heard of an agent of our swarm there.
         clock: its clock less ours [s], as far as the network's delay lets us see.
     """
 
@@ -73,7 +82,8 @@ class Answer:
     outcome: Outcome
     detail: str = ""
     tokens: tuple[Token, ...] = ()
-    spoken: Spoken | None = None
+    params: Spoken | None = None
+    state: Spoken | None = None
     clock: float | None = None
 
 
@@ -85,7 +95,7 @@ class Facts:
         config: the swarm file.
         agent: on whose behalf, or None for an observer's.
         now: Unix time [s].
-        ours: protocol and layout of this file.
+        ours: protocol and layouts of this file.
         certificate: the own one; what is wrong with it; or None when TLS is off.
         port: state of the agent's own port; None for observers.
         answers: of the file's endpoints, by agent.
@@ -97,7 +107,7 @@ class Facts:
     config: SwarmFile
     agent: str | None
     now: float
-    ours: Spoken
+    ours: Language
     certificate: Certificate | str | None
     port: Port | None
     answers: dict[str, Answer]
@@ -106,7 +116,7 @@ class Facts:
     hellos: tuple[str, ...] = ()
 
 
-def examine(config: SwarmFile, agent: str | None, ours: Spoken, timeout: float) -> Facts:
+def examine(config: SwarmFile, agent: str | None, ours: Language, timeout: float) -> Facts:
     """Look at everything; no single wait is longer than ``timeout`` [s]."""
     zenoh.init_log_from_env_or("off")  # failing is what we are here for
     party = config.party(agent or OBSERVER)
@@ -137,14 +147,15 @@ def examine(config: SwarmFile, agent: str | None, ours: Spoken, timeout: float) 
         )
 
 
-def spoken_by(config: SwarmFile) -> Spoken:
-    """Protocol and layout that the agents of this file answer joiners with.
+def language(config: SwarmFile) -> Language:
+    """What the agents of this file say.
 
     Raises:
         ConfigError: the first task cannot be built.
     """
     layout = layout_of(config, TabularLearner(config, config.members[0]))
-    return Spoken(PROTOCOL, replace(layout, copies=1, codec="none").fingerprint)
+    plain = replace(layout, copies=1, codec="none")
+    return Language(Spoken(PROTOCOL, layout.fingerprint), Spoken(PROTOCOL, plain.fingerprint))
 
 
 def _certificate(network: Network, party: Party) -> Certificate | str | None:
@@ -202,23 +213,43 @@ def probe(network: Network, party: Party, endpoint: str, able: bool, timeout: fl
 def _ask(session: zenoh.Session, keys: Keys, endpoint: str, timeout: float) -> Answer:
     """Who lives at the other end, what they speak, what time they have."""
     clocks: list[float] = []
+    params: list[Spoken] = []
+    state: list[Spoken] = []
 
     def on_report(report: RoundReport) -> None:
         clocks.append(report.time - time.time())
 
     watch_reports(session, keys, on_report)
+    session.declare_subscriber(keys.params(), lambda sample: _read(sample, params))
     tokens: tuple[Token, ...] = ()
-    spoken: Spoken | None = None
 
     def known() -> bool:
-        nonlocal tokens, spoken
+        nonlocal tokens
         tokens = _tokens(session, timeout)
-        spoken = spoken or _spoken(session, keys, timeout)
-        strangers = bool(tokens) and all(swarm != keys.swarm for swarm, _ in tokens)
-        return strangers or (spoken is not None and bool(tokens) and bool(clocks))
+        if tokens and all(swarm != keys.swarm for swarm, _ in tokens):
+            return True  # of another swarm, which says nothing under our keys
+        if not state:
+            for reply in session.get(keys.state(), timeout=timeout):
+                if reply.ok is not None:
+                    _read(reply.ok, state)
+        return bool(tokens and clocks and params and state)
 
-    _until(known, min(timeout, 1.0))  # who is not learning now tells no time
-    return Answer(endpoint, "zenoh", "", tokens, spoken, clocks[0] if clocks else None)
+    _until(known, min(timeout, LISTEN))
+    return Answer(
+        endpoint,
+        "zenoh",
+        tokens=tokens,
+        params=params[0] if params else None,
+        state=state[0] if state else None,
+        clock=clocks[0] if clocks else None,
+    )
+
+
+def _read(sample: zenoh.Sample, into: list[Spoken]) -> None:
+    """Keep what the first readable header says."""
+    if not into and sample.attachment is not None:
+        with suppress(msgspec.MsgspecError):
+            into.append(msgspec.msgpack.decode(sample.attachment.to_bytes(), type=Spoken))
 
 
 def _tokens(session: zenoh.Session, timeout: float) -> tuple[Token, ...]:
@@ -230,16 +261,6 @@ def _tokens(session: zenoh.Session, timeout: float) -> tuple[Token, ...]:
     return tuple(sorted(found))
 
 
-def _spoken(session: zenoh.Session, keys: Keys, timeout: float) -> Spoken | None:
-    for reply in session.get(keys.state(), timeout=timeout):
-        if reply.ok is not None and reply.ok.attachment is not None:
-            try:
-                return msgspec.msgpack.decode(reply.ok.attachment.to_bytes(), type=Spoken)
-            except msgspec.MsgspecError:
-                continue
-    return None
-
-
 def _who_else(network: Network, party: Party, host: str, port: int, timeout: float) -> Answer:
     """Why no Zenoh session opens where somebody listens."""
     if network.security.tls:
@@ -249,33 +270,28 @@ def _who_else(network: Network, party: Party, host: str, port: int, timeout: flo
         context.check_hostname = False
         context.verify_mode = ssl.CERT_NONE
     try:
-        with _tls(context, host, port, timeout) as link:
-            if not network.security.tls:
-                return Answer("", "tls only")
-            names = hosts_in(link.getpeercert())
-            if not fits(host, names):
-                return Answer("", "other host", ", ".join(names))
-            link.recv(1)  # TLS 1.3 refuses a client's certificate after the handshake
+        with socket.create_connection((host, port), timeout) as plain:
+            link = context.wrap_socket(plain, server_hostname=host)
     except ssl.SSLCertVerificationError as error:
         return Answer("", "foreign", error.verify_message)
-    except TimeoutError:
-        return Answer("", "stranger")
-    except ssl.SSLError as error:
-        if "ALERT" in (error.reason or ""):
-            return Answer("", "rejects us" if network.security.tls else "tls only")
-        return Answer("", "not tls" if network.security.tls else "stranger")
-    except OSError:
-        return Answer("", "not tls" if network.security.tls else "stranger")
+    except OSError as error:  # ssl's own and time-outs among them
+        refused = isinstance(error, ssl.SSLError) and "ALERT" in (error.reason or "")
+        if network.security.tls:
+            return Answer("", "rejects us" if refused else "not tls")
+        return Answer("", "tls only" if refused else "stranger")
+    with link:
+        if not network.security.tls:
+            return Answer("", "tls only")
+        names = hosts_in(link.getpeercert())
+        if not fits(host, names):
+            return Answer("", "other host", ", ".join(names))
+        try:
+            link.recv(1)  # TLS 1.3 refuses a client's certificate after the handshake
+        except TimeoutError:
+            return Answer("", "stranger")
+        except OSError:
+            return Answer("", "rejects us")
     return Answer("", "stranger")
-
-
-@contextmanager
-def _tls(context: ssl.SSLContext, host: str, port: int, timeout: float) -> Iterator[ssl.SSLSocket]:
-    with (
-        socket.create_connection((host, port), timeout) as plain,
-        context.wrap_socket(plain, server_hostname=host) as link,
-    ):
-        yield link
 
 
 def fits(host: str, names: Collection[str]) -> bool:
