@@ -19,9 +19,7 @@ from deploy.status import find_config
 from swarm.errors import ConfigError
 from swarm.session import host_and_port
 
-CLOCKS = (
-    1.0  # [s] clocks may differ by so much; recordings are laid over each other by time; a guess
-)
+CLOCKS = 1.0  # [s] more than that is told: recordings are laid over each other by time; a guess
 EXPIRES_SOON = 14 * 86400.0  # [s] said so long before
 MARKS = {True: ("✓", "green"), False: ("✗", "red"), None: ("·", "dim")}
 

@@ -61,12 +61,13 @@ def party(name: str) -> Party:
 def hostile(
     network: Network, name: str, listen: str, connect: str, must_link: bool = True
 ) -> Iterator[zenoh.Session]:
-    """A session with no scruples: its own access control is off.
+    """A session with no scruples: its own access control is off.  It knows nobody else.
 
     With ``must_link`` it raises ``ZError`` unless it can connect within :data:`TRY`.
     """
     config = configuration(network, party(name), [listen], [connect] if connect else [])
     config.insert_json5("access_control/enabled", "false")
+    config.insert_json5("scouting/gossip/enabled", "false")
     if must_link:
         config.insert_json5("connect/timeout_ms", str(int(TRY * 1e3)))
         config.insert_json5("connect/exit_on_failure", "true")
@@ -118,6 +119,8 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
             hostile(config.network, "drone1", NOWHERE, victim) as session,
             ExitStack() as tokens,
         ):
+            own = session.declare_publisher(keys.params("drone1"))
+            until(lambda: own.matching_status, "the victim's subscription")
             for forged in ("drone0", "drone2", "*"):
                 token = session.liveliness().declare_token(keys.alive(forged, "0"))
                 tokens.callback(token.undeclare)
@@ -126,10 +129,8 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
                 )
                 session.put(keys.params(forged), b"forged")
                 session.put(keys.telemetry(forged, "round"), b"forged")
-            for _ in range(3):
-                session.put(
-                    keys.params("drone1"), b"no header"
-                )  # its own key: comes in, is refused
+            for _ in range(3):  # the agent's own key: comes in, and is refused without a header
+                own.put(b"forged")
 
             def refused() -> dict[str, int]:
                 _, seen = status(folder, tmp_path)
@@ -197,6 +198,8 @@ def test_nobody_speaks_for_another_whoever_dials(
         victim.declare_queryable(
             KEYS.state("drone0"), lambda q: q.reply(KEYS.state("drone0"), b"own")
         )
+        own_params = attacker.declare_publisher(KEYS.params("drone1"))
+        until(lambda: own_params.matching_status, "the victim's subscription")
         claims = ("drone0", "drone2", "drone3", OBSERVER, "mallory", "*", "**", "drone$*")
         kept = []
         for claim in claims:
@@ -215,7 +218,7 @@ def test_nobody_speaks_for_another_whoever_dials(
         )
         # After all that, on the same link, what is drone1's own; an observer owns nothing.
         mine = {KEYS.params("drone1")} if name == "drone1" else set()
-        attacker.put(KEYS.params("drone1"), b"own")
+        own_params.put(b"own")
         kept.append(attacker.liveliness().declare_token(KEYS.alive("drone1", "1")))
         friend.put(KEYS.params("drone2"), b"own")
         kept.append(friend.liveliness().declare_token(KEYS.alive("drone2", "9")))
