@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
@@ -78,6 +79,12 @@ def hostile(
         session.close()
 
 
+def matched(publisher: zenoh.Publisher) -> bool:
+    """Whether somebody's subscription has come to this session, so that a message would leave."""
+    found: Any = publisher.matching_status  # its stub says bool
+    return bool(found.matching)
+
+
 def test_a_swarm_learns_over_tls(tmp_path: Path, folders: tuple[Path, Path]) -> None:
     folder = tmp_path / "run"
     with swarm("up", GRIDWORLD_A, "--run", folder, *settings(folders[0]), cwd=tmp_path) as command:
@@ -111,7 +118,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
             listen = "tcp/127.0.0.1:0" if network is plain else NOWHERE
             with (
                 pytest.raises(zenoh.ZError),
-                hostile(network, "drone1", listen, endpoint) as session,
+                hostile(network, "drone1", listen, endpoint),
             ):
                 pass
         incarnations = {a: s["incarnation"] for a, s in summary["agents"].items()}
@@ -120,7 +127,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
             ExitStack() as tokens,
         ):
             own = session.declare_publisher(keys.params("drone1"))
-            until(lambda: own.matching_status, "the victim's subscription")
+            until(lambda: matched(own), "the victim's subscription")
             for forged in ("drone0", "drone2", "*"):
                 token = session.liveliness().declare_token(keys.alive(forged, "0"))
                 tokens.callback(token.undeclare)
@@ -149,8 +156,9 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
                 assert roster.present() == incarnations
         before = rounds_played(folder, "drone0")
         until(lambda: rounds_played(folder, "drone0") > before + 20, "the swarm goes on")
-        for agent in MEMBERS[1:]:
-            assert not status(folder, tmp_path)[1]["agents"][agent]["rejected"]
+        code, summary = status(folder, tmp_path)
+        rejected = {agent: said["rejected"] for agent, said in summary["agents"].items()}
+        assert rejected == {member: {} for member in MEMBERS} | {"drone0": {"header": 3}}
         command.interrupt()
         assert command.wait() == 130
 
@@ -199,7 +207,7 @@ def test_nobody_speaks_for_another_whoever_dials(
             KEYS.state("drone0"), lambda q: q.reply(KEYS.state("drone0"), b"own")
         )
         own_params = attacker.declare_publisher(KEYS.params("drone1"))
-        until(lambda: own_params.matching_status, "the victim's subscription")
+        until(lambda: matched(own_params), "the victim's subscription")
         claims = ("drone0", "drone2", "drone3", OBSERVER, "mallory", "*", "**", "drone$*")
         kept = []
         for claim in claims:
