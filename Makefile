@@ -10,6 +10,7 @@ run: $(READY)
 	$(BIN)/swarm up deploy/swarms/gridworld-a.toml
 
 test: lint
+	@tests/debian-packages.sh
 	$(BIN)/python -m pytest
 
 lint: $(READY)

@@ -6,7 +6,7 @@ before anything starts.
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec.structs import replace
@@ -16,12 +16,12 @@ from agent.optimizers import Optimizer, Sgd
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
-from swarm.exchange import Timing
 from swarm.keys import Keys, check_name
 from swarm.loss import Loss
 from swarm.mixing import Mixing
 from swarm.security import OBSERVER, Party
 from swarm.session import Network
+from swarm.timing import Timing
 from swarm.topology import Topology, check
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
@@ -46,11 +46,15 @@ class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         id: unique name, part of its keys.
         task: its world.
         endpoint: where it listens, e.g. ``tcp/10.0.0.7:7447``; default from ``[network]``.
+        namespace: network namespace in which ``swarm up`` starts it (root; for tests of networks).
+        device: its network device there.
     """
 
     id: str
     task: Task
     endpoint: str | None = None
+    namespace: str | None = None
+    device: str | None = None
 
 
 class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -78,6 +82,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
+        pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it
+            takes what has come, nobody waits, and the first to finish ends the run for all.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.
@@ -94,6 +100,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     optimizer: Optimizer = Sgd()
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
+    pace: Literal["sync", "async"] = "sync"
     start_mixing: StartMixing = StartMixing()
     loss: Loss = Loss()
     network: Network = Network()

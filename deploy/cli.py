@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 import threading
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -27,6 +28,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
@@ -50,18 +52,25 @@ def up(
         Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME-DATE.")
     ] = None,
     record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
+    chaos: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
+    ] = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
+    from deploy.chaos import load_faults  # noqa: PLC0415
     from deploy.local import launch, prepare, resume_run  # noqa: PLC0415
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
     if resume is not None:
         folder, config, begin = resume_run(resume, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
     else:
         assert file is not None
-        folder, config, begin = prepare(load(file, settings or ()), run)
-    raise typer.Exit(launch(folder, config, begin, record))
+        config = load(file, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
+        folder, config, begin = prepare(config, run)
+    raise typer.Exit(launch(folder, config, begin, record, faults))
 
 
 @app.command()
@@ -222,7 +231,9 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
 
 def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
     """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [logging.FileHandler(path)]
+    handlers: list[logging.Handler] = [
+        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
+    ]
     if not quiet:
         handlers.append(logging.StreamHandler())
     logging.basicConfig(

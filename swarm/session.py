@@ -112,7 +112,7 @@ def open_session(
         ConfigError: a file of ``network.security`` will not do.
         NetworkError: it cannot be opened; most often the port is taken.
     """
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or("off")
     network.security.check(party.name)
     try:
         session = zenoh.open(configuration(network, party, listen, connect))

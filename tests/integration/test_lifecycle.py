@@ -93,9 +93,9 @@ def test_ctrl_c_ends_all_and_resume_goes_on_bit_for_bit(tmp_path: Path) -> None:
 def test_a_killed_agent_is_reported_restarted_and_joins_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with swarm(
-        "up", GRIDWORLD_A, "--run", folder, "--no-record", "--set", "rounds=3000", cwd=tmp_path
+        "up", GRIDWORLD_A, "--run", folder, "--no-record", "--set", "rounds=4000", cwd=tmp_path
     ) as command:
-        until(lambda: rounds_played(folder, "drone1") > 50, "round 50")
+        until(lambda: rounds_played(folder, "drone1") > 1000, "round 1000")
         os.kill(agent_pids(folder)["drone1"], signal.SIGKILL)
         command.says("drone1 was killed by SIGKILL, starts again in")
         command.says("drone1 starts again from its newest checkpoint")
