@@ -156,6 +156,63 @@ def view(
     show(find_config(target, settings or ()), save, live)
 
 
+@app.command()
+def doctor(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    id_: Annotated[
+        str | None, typer.Option("--id", help="Look as this agent, from its machine.")
+    ] = None,
+    json: AsJson = False,
+    timeout: Annotated[float, typer.Option(help="Longest single wait [s].")] = 2.0,
+) -> None:
+    """Say why an agent sees nobody, and what to change.  Exit code: 0 all is well, 1 it is not."""
+    from deploy.doctor import diagnose, show  # noqa: PLC0415
+
+    raise typer.Exit(show(diagnose(target, settings or (), id_, timeout), json))
+
+
+@app.command()
+def certs(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates are kept.")],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Swarm file: its agents and their hosts.")
+    ] = None,
+    settings: Settings = None,
+    agents: Annotated[
+        str, typer.Option(metavar="ID,ID,...", help="Agents, instead of or beside those of FILE.")
+    ] = "",
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[ID=]HOST", help="Name or address of an agent, or of all; repeatable."
+        ),
+    ] = None,
+    days: Annotated[int, typer.Option(min=1, help="How long certificates are valid.")] = 365,
+    force: Annotated[
+        bool, typer.Option("--force", help="Renew certificates that are there.")
+    ] = False,
+) -> None:
+    """Make an authority and a certificate for each agent and for observers, for [network.security].
+
+    Running it again adds what is missing and leaves the rest alone.
+    """
+    try:
+        from deploy.certs import hosts_of, make_certificates, tell  # noqa: PLC0415
+    except ImportError:
+        raise SwarmError(
+            "certificates need the package cryptography, which is not installed: "
+            'pip install "dcpg-swarm[security]"'
+        ) from None
+
+    # Of the file only ids and hosts count: it may name certificates that are still to be made.
+    config = load(file, settings or ()) if file else None
+    tell(folder, make_certificates(folder, hosts_of(config, agents, host or ()), days, force))
+
+
 def _stop_on_signals() -> threading.Event:
     """An event that SIGTERM and Ctrl-C set."""
     stop = threading.Event()
