@@ -19,6 +19,8 @@ lint: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
+	@tests/debian-packages.sh bench
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.lock
 	$(BIN)/python -m tests.bench
 
 $(READY): requirements.lock pyproject.toml

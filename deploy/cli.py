@@ -9,6 +9,8 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
@@ -20,7 +22,7 @@ from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
 from deploy.reproduce.cli import app as reproduce
-from swarm.errors import SwarmError
+from swarm.errors import ConfigError, SwarmError
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -38,6 +40,12 @@ File = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable."),
+]
+Scenes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -211,6 +219,49 @@ def certs(
     # Of the file only ids and hosts count: it may name certificates that are still to be made.
     config = load(file, settings or ()) if file else None
     tell(folder, make_certificates(folder, hosts_of(config, agents, host or ()), days, force))
+
+
+@app.command()
+def worlds(
+    scenes: Scenes = None,
+    sheet: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a contact sheet.")
+    ] = None,
+    width: Annotated[int | None, typer.Option(min=100, help="Of the sheet [pixels].")] = None,
+) -> None:
+    """Show the indoor worlds: a table, and with --sheet their plans and views as a picture."""
+    from deploy import worlds as room  # noqa: PLC0415
+
+    with _plain_errors():
+        room.worlds(scenes or room.NAMES, sheet, width)
+
+
+@app.command()
+def fly(
+    pilot: Annotated[str, typer.Option(help="greedy, straight or random.")] = "greedy",
+    scenes: Scenes = None,
+    flights: Annotated[int, typer.Option(min=1, help="Flights in each world.")] = 16,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    json: AsJson = False,
+) -> None:
+    """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
+    from deploy import fly as room  # noqa: PLC0415
+
+    with _plain_errors():
+        room.fly(pilot, scenes or room.NAMES, flights, seed, as_json=json)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """The worlds raise the standard library's exceptions; a user sees their one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise SwarmError(
+            f'this needs {error.name}, which is not installed: pip install "dcpg-swarm[figures]"'
+        ) from None
+    except (ValueError, OSError) as error:
+        raise ConfigError(str(error)) from None
 
 
 def _stop_on_signals() -> threading.Event:
