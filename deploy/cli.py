@@ -230,10 +230,11 @@ def worlds(
     width: Annotated[int | None, typer.Option(min=100, help="Of the sheet [pixels].")] = None,
 ) -> None:
     """Show the indoor worlds: a table, and with --sheet their plans and views as a picture."""
-    from deploy import worlds as room  # noqa: PLC0415
+    from deploy.worlds import worlds as show  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
 
     with _plain_errors():
-        room.worlds(scenes or room.NAMES, sheet, width)
+        show(scenes or NAMES, sheet, width)
 
 
 @app.command()
@@ -245,10 +246,11 @@ def fly(
     json: AsJson = False,
 ) -> None:
     """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
-    from deploy import fly as room  # noqa: PLC0415
+    from deploy.fly import fly as start  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
 
     with _plain_errors():
-        room.fly(pilot, scenes or room.NAMES, flights, seed, as_json=json)
+        start(pilot, scenes or NAMES, flights, seed, as_json=json)
 
 
 @contextmanager
