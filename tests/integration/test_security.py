@@ -207,7 +207,8 @@ def test_nobody_speaks_for_another_whoever_dials(
             KEYS.state("drone0"), lambda q: q.reply(KEYS.state("drone0"), b"own")
         )
         own_params = attacker.declare_publisher(KEYS.params("drone1"))
-        until(lambda: matched(own_params), "the victim's subscription")
+        friends = friend.declare_publisher(KEYS.params("drone2"))
+        until(lambda: matched(own_params) and matched(friends), "the victim's subscription")
         claims = ("drone0", "drone2", "drone3", OBSERVER, "mallory", "*", "**", "drone$*")
         kept = []
         for claim in claims:
@@ -228,7 +229,7 @@ def test_nobody_speaks_for_another_whoever_dials(
         mine = {KEYS.params("drone1")} if name == "drone1" else set()
         own_params.put(b"own")
         kept.append(attacker.liveliness().declare_token(KEYS.alive("drone1", "1")))
-        friend.put(KEYS.params("drone2"), b"own")
+        friends.put(b"own")
         kept.append(friend.liveliness().declare_token(KEYS.alive("drone2", "9")))
         expected = {KEYS.params("drone2"), *mine}
         until(lambda: expected <= heard, f"{expected} in {heard}")
