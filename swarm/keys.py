@@ -8,7 +8,7 @@
 ``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
 ========================================  ======================================================
 
-Receivers subscribe with ``*`` in the agent's place and believe the header, never the key: see the
+Receivers subscribe with ``*`` in the agent's place and hold the key against the header: see the
 "wrong key" trap in the notes to Zenoh 1.10.  Under :mod:`swarm.security` nobody says
 anything but under its own id, so every key names its agent in the fourth place.
 """
