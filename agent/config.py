@@ -9,15 +9,17 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from agent.estimators import Estimator
 from agent.optimizers import Optimizer, Sgd
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
-from swarm.keys import check_name
+from swarm.keys import Keys, check_name
 from swarm.loss import Loss
 from swarm.mixing import Mixing
+from swarm.security import OBSERVER, Party
 from swarm.session import Network
 from swarm.timing import Timing
 from swarm.topology import Topology, check
@@ -126,7 +128,14 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def endpoint(self, agent: str) -> str:
         """Where an agent listens."""
         i = self.index(agent)
-        return self.agents[i].endpoint or f"tcp/{self.network.host}:{self.network.base_port + i}"
+        network = self.network
+        return (
+            self.agents[i].endpoint or f"{network.protocol}/{network.host}:{network.base_port + i}"
+        )
+
+    def party(self, name: str) -> Party:
+        """An agent, or an observer, among the members."""
+        return Party(name, Keys(self.name), self.members)
 
 
 def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
@@ -147,7 +156,24 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
                     f'agents.{i}.id = "{agent.id}" is also the id of agents.{first}: '
                     "expected ids that differ"
                 )
+        _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return config
+    security = config.network.security.beside(path.parent)
+    return replace(config, network=replace(config.network, security=security))
+
+
+def _check_security(config: SwarmFile) -> None:
+    """Endpoints and ids that fit ``[network.security]``."""
+    tls = config.network.security.tls
+    for i, agent in enumerate(config.agents):
+        if tls and agent.id == OBSERVER:
+            raise ConfigError(
+                f'agents.{i}.id = "{OBSERVER}": expected an id that is no observer\'s'
+            )
+        if agent.endpoint and agent.endpoint.startswith("tls/") != tls:
+            wanted = (
+                "tls/..., as [network.security] has it" if tls else "tcp/..., or [network.security]"
+            )
+            raise ConfigError(f'agents.{i}.endpoint = "{agent.endpoint}": expected {wanted}')

@@ -93,7 +93,9 @@ def run_agent(
     endpoints = [config.endpoint(member) for member in config.members]
     with ExitStack() as resources:
         session = resources.enter_context(
-            open_session(config.network, endpoints[index : index + 1], endpoints[:index])
+            open_session(
+                config.network, config.party(agent), endpoints[index : index + 1], endpoints[:index]
+            )
         )
         roster = resources.enter_context(Roster(session, keys))
         exchange = resources.enter_context(

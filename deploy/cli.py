@@ -9,6 +9,8 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
@@ -20,7 +22,7 @@ from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
 from deploy.reproduce.cli import app as reproduce
-from swarm.errors import SwarmError
+from swarm.errors import ConfigError, SwarmError
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -38,6 +40,12 @@ File = Annotated[
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable."),
+]
+Scenes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -154,6 +162,108 @@ def view(
     from deploy.status import find_config  # noqa: PLC0415
 
     show(find_config(target, settings or ()), save, live)
+
+
+@app.command()
+def doctor(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    id_: Annotated[
+        str | None, typer.Option("--id", help="Look as this agent, from its machine.")
+    ] = None,
+    json: AsJson = False,
+    timeout: Annotated[float, typer.Option(help="Longest single wait [s].")] = 2.0,
+) -> None:
+    """Say why an agent sees nobody, and what to change.  Exit code: 0 all is well, 1 it is not."""
+    from deploy.doctor import diagnose, show  # noqa: PLC0415
+
+    raise typer.Exit(show(diagnose(target, settings or (), id_, timeout), json))
+
+
+@app.command()
+def certs(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates are kept.")],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Swarm file: its agents and their hosts.")
+    ] = None,
+    settings: Settings = None,
+    agents: Annotated[
+        str, typer.Option(metavar="ID,ID,...", help="Agents, instead of or beside those of FILE.")
+    ] = "",
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[ID=]HOST", help="Name or address of an agent, or of all; repeatable."
+        ),
+    ] = None,
+    days: Annotated[int, typer.Option(min=1, help="How long certificates are valid.")] = 365,
+    force: Annotated[
+        bool, typer.Option("--force", help="Renew certificates that are there.")
+    ] = False,
+) -> None:
+    """Make an authority and a certificate for each agent and for observers, for [network.security].
+
+    Running it again adds what is missing and leaves the rest alone.
+    """
+    try:
+        from deploy.certs import hosts_of, make_certificates, tell  # noqa: PLC0415
+    except ImportError:
+        raise SwarmError(
+            "certificates need the package cryptography, which is not installed: "
+            'pip install "dcpg-swarm[security]"'
+        ) from None
+
+    # Of the file only ids and hosts count: it may name certificates that are still to be made.
+    config = load(file, settings or ()) if file else None
+    tell(folder, make_certificates(folder, hosts_of(config, agents, host or ()), days, force))
+
+
+@app.command()
+def worlds(
+    scenes: Scenes = None,
+    sheet: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a contact sheet.")
+    ] = None,
+    width: Annotated[int | None, typer.Option(min=100, help="Of the sheet [pixels].")] = None,
+) -> None:
+    """Show the indoor worlds: a table, and with --sheet their plans and views as a picture."""
+    from deploy.worlds import worlds as show  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
+
+    with _plain_errors():
+        show(scenes or NAMES, sheet, width)
+
+
+@app.command()
+def fly(
+    pilot: Annotated[str, typer.Option(help="greedy, straight or random.")] = "greedy",
+    scenes: Scenes = None,
+    flights: Annotated[int, typer.Option(min=1, help="Flights in each world.")] = 16,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    json: AsJson = False,
+) -> None:
+    """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
+    from deploy.fly import fly as start  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
+
+    with _plain_errors():
+        start(pilot, scenes or NAMES, flights, seed, as_json=json)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """The worlds raise the standard library's exceptions; a user sees their one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise SwarmError(
+            f'this needs {error.name}, which is not installed: pip install "dcpg-swarm[figures]"'
+        ) from None
+    except (ValueError, OSError) as error:
+        raise ConfigError(str(error)) from None
 
 
 def _stop_on_signals() -> threading.Event:

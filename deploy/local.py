@@ -32,6 +32,7 @@ from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
 from swarm.errors import ConfigError, SwarmError
 from swarm.keys import Keys
+from swarm.security import OBSERVER
 from swarm.telemetry import watch_reports
 
 STOP_LIMIT = 2.0  # [s] from SIGTERM to SIGKILL
@@ -47,6 +48,7 @@ def prepare(config: SwarmFile, run: Path | None) -> tuple[RunFolder, SwarmFile, 
         ConfigError: the folder exists already, or a task cannot be built.
     """
     check_tasks(config)
+    check_certificates(config)
     path = run or RUNS / f"{config.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     suffix = 1
     while run is None and path.exists():
@@ -78,6 +80,16 @@ def check_tasks(config: SwarmFile) -> None:
             )
 
 
+def check_certificates(config: SwarmFile) -> None:
+    """See that every agent and the launcher itself have their files of ``[network.security]``.
+
+    Raises:
+        ConfigError: one of them will not do.
+    """
+    for name in (*config.members, OBSERVER):
+        config.network.security.check(name)
+
+
 def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile, int]:
     """A run folder to go on with, its configuration, and the last round that all agents have.
 
@@ -87,6 +99,7 @@ def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFil
     """
     folder = open_run(path)
     config = with_free_ports(load(folder.config, settings))
+    check_certificates(config)
     begin = folder.common_round(config.members)
     folder.write_config(config)
     return folder, config, begin

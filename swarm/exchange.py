@@ -115,12 +115,12 @@ class Exchange:
     # --- in ---------------------------------------------------------------------------------
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        sender = str(sample.key_expr).rsplit("/", 1)[-1]
+        _, sender = Keys.identity(str(sample.key_expr))
         if not self._guard.admits(sender):
             return
         try:
             header = decode_header(_bytes(sample.attachment), self._layout)
-            self._check_sender(header)
+            self._check_sender(header, sender)
             if len(sample.payload) == 0:
                 self._inbox.touch(header.agent)
                 return
@@ -131,12 +131,15 @@ class Exchange:
         else:
             self._inbox.store(Message(header, vector))
 
-    def _check_sender(self, header: ParameterHeader) -> None:
-        """The header must name another member in its present life; the key may lie, see below.
+    def _check_sender(self, header: ParameterHeader, sender: str) -> None:
+        """The header must name another member in its present life, and the key the same one.
 
-        Zenoh can deliver a sample under another sender's key after a link was lost (notes to Zenoh
-        1.10), so a key that differs is no offence.
+        Access control proves the key, so the header may not say otherwise.  (Zenoh can deliver a
+        sample under another sender's key after a link was lost; with wildcard subscriptions that
+        is one in a million, and the sender says it again.)
         """
+        if header.agent != sender:
+            raise PayloadError("key", f'"{header.agent}" speaks under the key of "{sender}"')
         if header.agent == self._agent or header.agent not in self._members:
             raise PayloadError("stranger", f'"{header.agent}" is not another agent of this swarm')
         known = self._roster.incarnation(header.agent)
@@ -310,11 +313,14 @@ class Exchange:
         ):
             if reply.ok is None:
                 continue
+            _, sender = Keys.identity(str(reply.ok.key_expr))
             try:
                 header = decode_header(_bytes(reply.ok.attachment), layout)
+                if header.agent != sender:
+                    raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
                 vector = decode_body(reply.ok.payload.to_bytes(), layout, Plain())
             except PayloadError as error:
-                self._guard.reject(str(reply.ok.key_expr).rsplit("/", 1)[-1], error)
+                self._guard.reject(sender, error)
                 continue
             if header.agent != self._agent and (best is None or header.round > best.header.round):
                 best = Message(header, vector)

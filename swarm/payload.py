@@ -67,7 +67,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     Attributes:
         version: :data:`PROTOCOL` of the sender.
         fingerprint: :attr:`Layout.fingerprint` of the sender.
-        agent: who sends; this, not the key, is believed.
+        agent: who sends; the key must name the same one.
         incarnation: which life of that agent's process.
         round: number of the round that the parameters enter.
         neighbours: with whom the sender exchanges in this round; an edge counts when both name

@@ -145,7 +145,8 @@ def watch_reports(
             report = decoder.decode(sample.payload.to_bytes())
         except msgspec.MsgspecError:
             return
-        on_report(report)
+        if report.agent == Keys.identity(str(sample.key_expr))[1]:
+            on_report(report)
 
     return session.declare_subscriber(keys.telemetry(what="round"), receive)
 
@@ -163,5 +164,6 @@ def ask_status(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str, 
             status = decoder.decode(reply.ok.payload.to_bytes())
         except msgspec.MsgspecError:
             continue
-        answers[status.agent] = status
+        if status.agent == Keys.identity(str(reply.ok.key_expr))[1]:
+            answers[status.agent] = status
     return answers

@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
-# Debian packages that the tests need beside pip's, installed only when missing and when root.
+# Debian packages that the tests (or, with the argument "bench", the benchmarks) need beside pip's;
+# installed only when missing, and only as root.
 set -euo pipefail
-declare -A package=([ip]=iproute2 [tc]=iproute2 [iptables]=iptables)
+packages=(iproute2 iptables)
+[ "${1:-}" != bench ] || packages=(libegl1 libegl-mesa0 libgl1-mesa-dri)
 missing=()
-for tool in "${!package[@]}"; do
-    command -v "$tool" >/dev/null || missing+=("${package[$tool]}")
+for package in "${packages[@]}"; do
+    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
 done
 [ ${#missing[@]} -gt 0 ] || exit 0
 if [ "$(id -u)" != 0 ] || ! command -v apt-get >/dev/null; then
-    echo "not installed, tests that need them say so: ${missing[*]}" >&2
+    echo "not installed, what needs them will say so: ${missing[*]}" >&2
     exit 0
 fi
 apt-get update -qq

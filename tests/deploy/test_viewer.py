@@ -370,7 +370,9 @@ def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
         """Announces drone0, waits for a watcher, reports the last round and is gone."""
         watched = threading.Event()
         with (
-            open_session(config.network, [config.endpoint("drone0")], ()) as zenoh,
+            open_session(
+                config.network, config.party("drone0"), [config.endpoint("drone0")], ()
+            ) as zenoh,
             Roster(zenoh, keys) as roster,
             TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
         ):
