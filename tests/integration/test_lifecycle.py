@@ -80,7 +80,7 @@ def test_ctrl_c_ends_all_and_resume_goes_on_bit_for_bit(tmp_path: Path) -> None:
     assert f"swarm up --resume {cut}" in command.output
     assert not agent_pids(cut)
     assert ports_are_free(cut)
-    assert set(SHM.iterdir()) <= segments
+    until(lambda: set(SHM.iterdir()) <= segments, "no segment of shared memory is left")
     for agent in MEMBERS:
         assert "told to stop, checkpoint written" in RunFolder(cut).log(agent).read_text()
     code, output = run("up", "--resume", cut, "--no-record", cwd=tmp_path)
