@@ -72,6 +72,7 @@ class Autopilot:
         self.now = 0.0
         self.armed = False
         self.mode = flavour.first_mode
+        self.custom_mode = flavour.custom_mode(self.mode)  # several numbers may mean one mode
         self.failsafe = False
         self.home_ned = np.array([0.0, 0.0, body.position[2]])
         self.hold: Doubles = setpoints.hold_at(body.position)
@@ -135,6 +136,7 @@ class Autopilot:
             now=self.now,
             armed=self.armed,
             mode=self.mode,
+            custom_mode=self.custom_mode,
             landed_state=self.landed_state,
             position=self.body.position,
             velocity=self.body.velocity,
@@ -297,15 +299,15 @@ class Autopilot:
             return False
         self.armed, self.climb = False, None
         if self.flavour.px4 and self.mode is not Mode.MISSION:
-            self.mode = Mode.HOLD
+            self._enter(Mode.HOLD)
         return True
 
     def setpoint_age(self) -> float:
         """Seconds since the last set point; infinite without one."""
         return math.inf if self.setpoint is None else self.now - self.setpoint.time
 
-    def change_mode(self, mode: Mode) -> str | None:
-        """Enter a mode; or say why not."""
+    def change_mode(self, mode: Mode, custom_mode: int | None = None) -> str | None:
+        """Enter a mode (under the number that was asked for); or say why not."""
         if not self.estimator and mode is not Mode.MANUAL and not self.flavour.px4:
             return "no position estimate yet"
         if mode is Mode.MISSION and not self.missions.items:
@@ -319,10 +321,13 @@ class Autopilot:
             return self.take_off(self.parameters.limits.takeoff_height)
         if mode is not self.mode:
             self._enter(mode)
+        if custom_mode is not None:
+            self.custom_mode = custom_mode
         return None
 
     def _enter(self, mode: Mode) -> None:
         self.mode, self.climb, self.heading = mode, None, math.nan
+        self.custom_mode = self.flavour.custom_mode(mode)
         self.course = guidance.Course()
         self.hold = setpoints.hold_at(guidance.stopping_point(self.body, self.parameters.limits))
         if not self.flavour.px4 and mode is Mode.GUIDED:

@@ -201,7 +201,7 @@ def _enter(pilot: Autopilot, number: int) -> None:
     mode = pilot.flavour.mode(number)
     if mode is None:
         raise Refusal(DENIED, f"no mode {number}")
-    _require(pilot, pilot.change_mode(mode))
+    _require(pilot, pilot.change_mode(mode, number))
 
 
 def _reposition(pilot: Autopilot, command: Command) -> None:

@@ -39,6 +39,7 @@ class View:
     now: float  # s since boot
     armed: bool
     mode: Mode
+    custom_mode: int
     landed_state: int  # MAV_LANDED_STATE
     position: Doubles  # (3,) [m, NED]
     velocity: Doubles  # (3,) [m/s, NED]
@@ -96,7 +97,7 @@ def heartbeat(view: View) -> Message:
         mavlink.MAV_TYPE_QUADROTOR,
         view.flavour.autopilot,
         base,
-        view.flavour.custom_mode(view.mode),
+        view.custom_mode,
         status,
         3,
     )
