@@ -29,6 +29,15 @@ TAKEOFF_SPEED = 1.5  # m/s, PX4 MPC_TKO_SPEED
 REACHED = 0.3  # m, a take-off or a way home that is this near is over
 
 _PARAMETER_MESSAGES = {"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"}
+_ITEM_MESSAGES = {"MISSION_ITEM", "MISSION_ITEM_INT"}
+_MISSION_MESSAGES = _ITEM_MESSAGES | {
+    "MISSION_COUNT",
+    "MISSION_REQUEST_LIST",
+    "MISSION_REQUEST",
+    "MISSION_REQUEST_INT",
+    "MISSION_CLEAR_ALL",
+    "MISSION_SET_CURRENT",
+}
 
 
 @dataclass
@@ -196,7 +205,7 @@ class Autopilot:
             self._take(setpoints.from_global(message, self.flavour, self.origin, self.home))
         elif kind in _PARAMETER_MESSAGES:
             self._outbox += self._parameters(kind, message)
-        elif kind.startswith("MISSION_"):
+        elif kind in _MISSION_MESSAGES:
             self._mission(kind, message)
         elif kind == "SET_MODE":
             self._outbox.append(commands.set_mode_message(self, message))
@@ -228,7 +237,7 @@ class Autopilot:
         return [] if answer is None else [answer]
 
     def _mission(self, kind: str, message: Message) -> None:
-        if kind.startswith("MISSION_ITEM") and message.current == 2 and not self.flavour.px4:
+        if kind in _ITEM_MESSAGES and message.current == 2 and not self.flavour.px4:
             verdict = commands.guided_item(self, message)
             sender = (message.get_srcSystem(), message.get_srcComponent())
             self._outbox.append(mavlink.MAVLink_mission_ack_message(*sender, verdict))

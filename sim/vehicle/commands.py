@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 ACCEPTED, DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+UNSUPPORTED_FRAME = 9  # MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME, missing from pymavlink
 MAGIC_FORCE = 21196  # param2 of COMPONENT_ARM_DISARM: disarm also in the air
 PLACE = mavlink.MAV_CMD_USER_1  # lockstep only: be at x, y, z [m, NED], yaw [rad], flying
 FAR_INT = 0x7FFFFFFF  # COMMAND_INT's "no value" for a coordinate
@@ -130,7 +131,7 @@ def _place(pilot: Autopilot, frame: int, latitude: float, longitude: float, z: f
     elif frame in ABOVE_HOME:
         base = pilot.home.altitude
     else:
-        raise Refusal(mavlink.MAV_RESULT_COMMAND_UNSUPPORTED_MAV_FRAME)
+        raise Refusal(UNSUPPORTED_FRAME)
     place = here.copy()
     if math.isfinite(latitude) and math.isfinite(longitude):
         if abs(latitude) > 90 or abs(longitude) > 180:

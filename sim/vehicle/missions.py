@@ -26,6 +26,11 @@ FLOWN = {
     mavlink.MAV_CMD_NAV_DELAY,
     mavlink.MAV_CMD_DO_CHANGE_SPEED,
 }
+PLACELESS = {  # what stands in their coordinates means nothing
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+    mavlink.MAV_CMD_NAV_DELAY,
+    mavlink.MAV_CMD_DO_CHANGE_SPEED,
+}
 FRAMES = {  # frame -> whether its altitude is above home
     mavlink.MAV_FRAME_GLOBAL: False,
     mavlink.MAV_FRAME_GLOBAL_INT: False,
@@ -183,11 +188,12 @@ def parse(message: Message) -> tuple[Item | None, int]:
         if not (abs(x) <= 90 and abs(y) <= 180):
             return None, mavlink.MAV_MISSION_INVALID_PARAM5_X
         x, y = round(x * 1e7), round(y * 1e7)
-    if not abs(x) <= 900_000_000:
+    placed = message.command not in PLACELESS
+    if placed and not abs(x) <= 900_000_000:
         return None, mavlink.MAV_MISSION_INVALID_PARAM5_X
-    if not abs(y) <= 1_800_000_000:
+    if placed and not abs(y) <= 1_800_000_000:
         return None, mavlink.MAV_MISSION_INVALID_PARAM6_Y
-    if not abs(message.z) <= 10_000:  # also NaN
+    if placed and not abs(message.z) <= 10_000:  # also NaN
         return None, mavlink.MAV_MISSION_INVALID_PARAM7
     params = (message.param1, message.param2, message.param3, message.param4)
     if any(math.isinf(value) for value in params):

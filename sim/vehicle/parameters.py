@@ -50,6 +50,7 @@ _PX4 = {
 }
 
 _ARDUPILOT = {
+    "ARMING_CHECK": Parameter(1, 1, 1),
     "BATT_CRT_MAH": Parameter(0.0, 0.0, 100_000.0),
     "BATT_FS_CRT_PCT": Parameter(7.0, 0.0, 50.0),
     "DISARM_DELAY": Parameter(10, 0, 127),

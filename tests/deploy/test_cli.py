@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "deploy" / "swarms" / "gridworld-a.toml"
-COMMANDS = ["up", "agent", "status", "view", "topology"]
+COMMANDS = ["up", "agent", "status", "view", "topology", "vehicle"]
 
 
 def swarm(*arguments: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
