@@ -33,6 +33,7 @@ AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 LOCAL_NED, BODY_NED = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_NED
 POSITION_YAW, VELOCITY_YAW, VELOCITY_RATE = 2552, 2503, 1479  # type_mask
 STREAMS = {32: 25.0, 30: 25.0, 33: 5.0, 245: 4.0, 1: 2.0, 24: 2.0}  # message -> Hz
+FARTHEST = 1e6  # m or m/s; beyond it a number is nonsense
 REACHED = 0.4  # m, a take-off that is this near is over
 SIGNING_EPOCH = 1_420_070_400  # s, 2015-01-01
 
@@ -291,8 +292,8 @@ class Vehicle:
             self._setpoint_at = time.monotonic()
 
     def _is_finite(self, *values: float) -> bool:
-        """Whether these are numbers; otherwise safety takes over."""
-        if all(math.isfinite(value) for value in values):
+        """Whether these are sensible numbers; otherwise safety takes over."""
+        if all(abs(value) <= FARTHEST for value in values):  # false for NaN
             return True
         self._finite = False
         return False
@@ -374,6 +375,13 @@ class Vehicle:
     # -- the thread ----------------------------------------
 
     def _run(self) -> None:
+        try:
+            self._talk()
+        finally:
+            if not self._stop.is_set():  # an error of ours: the verbs must not wait in vain
+                self._broken = "the thread of the connection has ended"
+
+    def _talk(self) -> None:
         assert self._connection is not None
         next_heartbeat = next_tick = time.monotonic()
         while not self._stop.is_set():
@@ -542,7 +550,7 @@ def _sys_status(state: VehicleState, message: Message, now: float) -> VehicleSta
     return replace(
         state,
         battery=left / 100 if left >= 0 else None,
-        prearm_ok=bool(health & prearm) if present & prearm else None,
+        prearm_ok=bool(health & prearm) or not present & prearm,
         estimator_ok=bool(health & ahrs) or not present & ahrs,
     )
 
