@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.vehicle import commands, guidance, setpoints, telemetry
-from sim.vehicle.codec import Attitude, LocalPosition, SetPointMessage
+from sim.vehicle import guidance, inbox, setpoints, telemetry
 from sim.vehicle.control import Speeds
 from sim.vehicle.dialect import Message, mavlink
 from sim.vehicle.flavours import Flavour, Mode
@@ -27,17 +26,6 @@ CRASH = 3.0  # m/s; a harder touch ends the flight.  A guess
 OFFBOARD_RATE = 0.5  # s; PX4 arms in OFFBOARD only with set points faster than 2 Hz
 TAKEOFF_SPEED = 1.5  # m/s, PX4 MPC_TKO_SPEED
 REACHED = 0.3  # m, a take-off or a way home that is this near is over
-
-_PARAMETER_MESSAGES = {"PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"}
-_ITEM_MESSAGES = {"MISSION_ITEM", "MISSION_ITEM_INT"}
-_MISSION_MESSAGES = _ITEM_MESSAGES | {
-    "MISSION_COUNT",
-    "MISSION_REQUEST_LIST",
-    "MISSION_REQUEST",
-    "MISSION_REQUEST_INT",
-    "MISSION_CLEAR_ALL",
-    "MISSION_SET_CURRENT",
-}
 
 
 @dataclass
@@ -168,9 +156,9 @@ class Autopilot:
         builder = telemetry.BUILDERS.get(id_)
         return builder(self.view()) if builder is not None else None
 
-    def send(self, message: Message) -> None:
-        """Send a message with the next answer."""
-        self._outbox.append(message)
+    def send(self, *messages: Message) -> None:
+        """Send messages with the next answer."""
+        self._outbox += messages
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
         """Send a STATUSTEXT with the next answer."""
@@ -180,83 +168,11 @@ class Autopilot:
 
     def handle(self, message: Message) -> list[Message]:
         """Act on one message; the replies to it."""
-        if not isinstance(message, LocalPosition | Attitude) and self._for_us(message):
-            self._dispatch(message)
+        inbox.sort(self, message)
         replies, self._outbox = self._outbox, []
         return replies
 
-    def _for_us(self, message: Message) -> bool:
-        return getattr(message, "target_system", 0) in {0, self.system} and getattr(
-            message, "target_component", 0
-        ) in {0, self.component}
-
-    def _dispatch(self, message: Message) -> None:
-        if isinstance(message, SetPointMessage):
-            self._take(
-                setpoints.from_local(
-                    message, self.flavour, self.body.position, self.body.attitude[2]
-                )
-            )
-            return
-        kind = message.get_type()
-        if kind in {"COMMAND_LONG", "COMMAND_INT"}:
-            self._outbox.append(commands.run(self, message))
-        elif kind == "SET_POSITION_TARGET_GLOBAL_INT":
-            self._take(setpoints.from_global(message, self.flavour, self.origin, self.home))
-        elif kind in _PARAMETER_MESSAGES:
-            self._outbox += self._parameters(kind, message)
-        elif kind in _MISSION_MESSAGES:
-            self._mission(kind, message)
-        elif kind == "SET_MODE":
-            self._outbox.append(commands.set_mode_message(self, message))
-        elif kind == "TIMESYNC" and message.tc1 == 0:
-            self._outbox.append(
-                mavlink.MAVLink_timesync_message(round(self.now * 1e9), message.ts1)
-            )
-        elif kind == "PING" and message.target_system == 0:
-            self._outbox.append(
-                mavlink.MAVLink_ping_message(
-                    message.time_usec, message.seq, message.get_srcSystem(),
-                    message.get_srcComponent(),
-                )
-            )  # fmt: skip
-        elif kind == "REQUEST_DATA_STREAM" and not self.flavour.px4:
-            self._data_stream(message)
-        elif kind == "FILE_TRANSFER_PROTOCOL":
-            self._outbox.append(_no_files(message))
-
-    def _parameters(self, kind: str, message: Message) -> list[Message]:
-        if kind == "PARAM_REQUEST_LIST":
-            return self.parameters.all()
-        if kind == "PARAM_REQUEST_READ":
-            answer = self.parameters.read(message.param_id, message.param_index)
-        else:
-            answer = self.parameters.write(
-                message.param_id, message.param_value, message.param_type
-            )
-        return [] if answer is None else [answer]
-
-    def _mission(self, kind: str, message: Message) -> None:
-        if kind in _ITEM_MESSAGES and message.current == 2 and not self.flavour.px4:
-            verdict = commands.guided_item(self, message)
-            sender = (message.get_srcSystem(), message.get_srcComponent())
-            self._outbox.append(mavlink.MAVLink_mission_ack_message(*sender, verdict))
-            return
-        self._outbox += self.missions.handle(message, self.now)
-
-    def _data_stream(self, message: Message) -> None:
-        groups = telemetry.DATA_STREAMS
-        wanted = (
-            [id_ for ids in groups.values() for id_ in ids]
-            if message.req_stream_id == mavlink.MAV_DATA_STREAM_ALL
-            else groups.get(message.req_stream_id, ())
-        )
-        rate = message.req_message_rate
-        for id_ in wanted:
-            seconds = 1 / rate if message.start_stop and rate else None
-            self.streams.every(id_, seconds, self.now)
-
-    def _take(self, target: Doubles | None) -> None:
+    def take(self, target: Doubles | None) -> None:
         """A set point: remember it; it moves the vehicle only in GUIDED."""
         if target is None or not self.estimator:
             return
@@ -516,16 +432,3 @@ class Autopilot:
         if over and self.flavour.px4:
             self._enter(Mode.HOLD)
         return self.hold if over else target
-
-
-def _no_files(message: Message) -> Message:
-    """There are no files here: NAK with "unknown command"."""
-    payload = bytearray(message.payload)
-    session, opcode = payload[2], payload[3]
-    sequence = (int.from_bytes(bytes(payload[0:2]), "little") + 1) & 0xFFFF
-    answer = bytearray(251)
-    answer[0:2] = sequence.to_bytes(2, "little")
-    answer[2], answer[3], answer[4], answer[5], answer[12] = session, 129, 1, opcode, 7
-    return mavlink.MAVLink_file_transfer_protocol_message(
-        0, message.get_srcSystem(), message.get_srcComponent(), list(answer)
-    )

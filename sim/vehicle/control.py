@@ -23,7 +23,6 @@ from sim.vehicle.frames import Doubles, euler_from_quaternion, multiply, rotate,
 
 MEMORY = 4
 TARGET = 8
-PASSED_ON = 0.5  # share of the vertical thrust that the horizontal loop may not take: a guess
 
 
 class Speeds(NamedTuple):

@@ -21,7 +21,6 @@ NEAR = 0.5  # m, when a place is reached; PX4's NAV_ACC_RAD of 10 m is for the o
 BRAKE = 2.5  # m/s^2, as airframe.toml's "brake"
 FLARE = 0.4  # 1/s: a descent slows down to the landing speed as the ground comes near
 NAV_LAND, NAV_TAKEOFF = mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_NAV_TAKEOFF
-STAYS = {mavlink.MAV_CMD_NAV_LOITER_TIME, mavlink.MAV_CMD_NAV_DELAY}
 
 
 @dataclass
