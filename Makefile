@@ -10,6 +10,7 @@ run: $(READY)
 	$(BIN)/swarm up deploy/swarms/gridworld-a.toml
 
 test: lint
+	@tests/debian-packages.sh
 	$(BIN)/python -m pytest
 
 lint: $(READY)
@@ -18,6 +19,8 @@ lint: $(READY)
 	$(BIN)/mypy
 
 bench: $(READY)
+	@tests/debian-packages.sh bench
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements-bench.lock
 	$(BIN)/python -m tests.bench
 
 $(READY): requirements.lock pyproject.toml
@@ -31,7 +34,7 @@ $(READY): requirements.lock pyproject.toml
 # After a change of the ranges in pyproject.toml: resolve again, write the exact versions down.
 lock:
 	rm -rf build/lock && $(PYTHON) -m venv build/lock
-	build/lock/bin/python -m pip install --quiet torch==2.13.0 "setuptools>=77" ".[viewer,figures,dev]"
+	build/lock/bin/python -m pip install --quiet torch==2.13.0 "setuptools>=77" ".[viewer,security,figures,dev]"
 	{ echo "# Exact versions of everything; written by 'make lock'."; \
 	  build/lock/bin/python -m pip freeze --all --exclude dcpg-swarm --exclude pip | sed 's/+cpu$$//; s/ @ .*//'; } > requirements.lock
 

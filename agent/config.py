@@ -6,20 +6,22 @@ before anything starts.
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from agent.estimators import Estimator
 from agent.optimizers import Optimizer, Sgd
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
-from swarm.exchange import Timing
-from swarm.keys import check_name
+from swarm.keys import Keys, check_name
 from swarm.loss import Loss
 from swarm.mixing import Mixing
+from swarm.security import OBSERVER, Party
 from swarm.session import Network
+from swarm.timing import Timing
 from swarm.topology import Topology, check
 
 Count = Annotated[int, msgspec.Meta(ge=1)]
@@ -44,11 +46,15 @@ class AgentEntry(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         id: unique name, part of its keys.
         task: its world.
         endpoint: where it listens, e.g. ``tcp/10.0.0.7:7447``; default from ``[network]``.
+        namespace: network namespace in which ``swarm up`` starts it (root; for tests of networks).
+        device: its network device there.
     """
 
     id: str
     task: Task
     endpoint: str | None = None
+    namespace: str | None = None
+    device: str | None = None
 
 
 class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -76,6 +82,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
+        pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it
+            takes what has come, nobody waits, and the first to finish ends the run for all.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.
@@ -92,6 +100,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     optimizer: Optimizer = Sgd()
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
+    pace: Literal["sync", "async"] = "sync"
     start_mixing: StartMixing = StartMixing()
     loss: Loss = Loss()
     network: Network = Network()
@@ -119,7 +128,14 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def endpoint(self, agent: str) -> str:
         """Where an agent listens."""
         i = self.index(agent)
-        return self.agents[i].endpoint or f"tcp/{self.network.host}:{self.network.base_port + i}"
+        network = self.network
+        return (
+            self.agents[i].endpoint or f"{network.protocol}/{network.host}:{network.base_port + i}"
+        )
+
+    def party(self, name: str) -> Party:
+        """An agent, or an observer, among the members."""
+        return Party(name, Keys(self.name), self.members)
 
 
 def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
@@ -140,7 +156,24 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
                     f'agents.{i}.id = "{agent.id}" is also the id of agents.{first}: '
                     "expected ids that differ"
                 )
+        _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    return config
+    security = config.network.security.beside(path.parent)
+    return replace(config, network=replace(config.network, security=security))
+
+
+def _check_security(config: SwarmFile) -> None:
+    """Endpoints and ids that fit ``[network.security]``."""
+    tls = config.network.security.tls
+    for i, agent in enumerate(config.agents):
+        if tls and agent.id == OBSERVER:
+            raise ConfigError(
+                f'agents.{i}.id = "{OBSERVER}": expected an id that is no observer\'s'
+            )
+        if agent.endpoint and agent.endpoint.startswith("tls/") != tls:
+            wanted = (
+                "tls/..., as [network.security] has it" if tls else "tcp/..., or [network.security]"
+            )
+            raise ConfigError(f'agents.{i}.endpoint = "{agent.endpoint}": expected {wanted}')

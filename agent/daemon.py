@@ -93,15 +93,17 @@ def run_agent(
     endpoints = [config.endpoint(member) for member in config.members]
     with ExitStack() as resources:
         session = resources.enter_context(
-            open_session(config.network, endpoints[index : index + 1], endpoints[:index])
+            open_session(
+                config.network, config.party(agent), endpoints[index : index + 1], endpoints[:index]
+            )
         )
+        roster = resources.enter_context(Roster(session, keys))
         exchange = resources.enter_context(
             Exchange(
                 session, keys, (agent, incarnation), config.members, layout, mixer.codec,
-                config.timing,
+                config.timing, roster,
             )
         )  # fmt: skip
-        roster = resources.enter_context(Roster(session, keys, exchange.wake))
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
         metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
         rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
@@ -113,8 +115,9 @@ def run_agent(
         _serve_status(session, keys, (agent, incarnation), config, rounds, life)
         roster.announce(agent, incarnation)
         log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
-        unfinished = life.at.round < config.rounds
-        if unfinished and (absent := roster.wait_for(config.members, config.timing.start, stop)):
+        # One who comes back alone goes on at once; a swarm begins, or resumes, together.
+        together = begin is not None or life.at.round == 0
+        if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
             log.warning(
                 "round %d: %s not here after %.0f s, going on without",
                 life.at.round,
@@ -243,7 +246,7 @@ def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
     theta = life.at.theta
     rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
     limit = rounds.config.timing.finish
-    rounds.exchange.gather(life.at.round, nearby, rounds.roster, rounds.stop, limit)
+    rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
 
 
 def _serve_status(
@@ -277,6 +280,8 @@ def _serve_status(
             disagreement=report.disagreement if report else None,
             sketch=tuple(sketch(life.at.theta).tolist()),
             rejected=rounds.exchange.rejected,
+            quarantined=rounds.exchange.quarantined,
+            one_sided=rounds.ledger.one_sided,
             memory_mb=_resident_mb(),
         )
         query.reply(keys.status(agent), msgspec.msgpack.encode(status))

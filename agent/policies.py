@@ -1,5 +1,7 @@
 """What is learned: the policy's settings, its layout as one flat vector, and its derivatives."""
 
+from math import prod
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +27,7 @@ Policy = Tabular
 
 
 def softmax(logits: NDArray[np.floating]) -> Table:
-    """Rows of probabilities (S, A), in float64 whatever the parameters' type."""
+    """Rows of probabilities (..., A), in float64 whatever the parameters' type."""
     wide = np.asarray(logits, np.float64)
     weights = np.exp(wide - wide.max(axis=-1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=-1, keepdims=True))
@@ -40,19 +42,26 @@ def score_sum(
     """``sum_t w_t grad log pi(a_t | s_t)`` with respect to the logits.
 
     Args:
-        policy: (S, A) probabilities at which the steps were sampled.
-        states, actions, weights: (n,) the steps; added up in this order.
+        policy: (*B, S, A) probabilities of one agent (B empty) or of many at once.
+        states, actions: (T, *B, E) the steps; added up in this order, so that an agent gets the
+            same bits alone and among others.
+        weights: (T, *B, E), 0 for steps that were not taken.
 
     Returns:
-        (S, A), from ``d log pi(a'|s') / d theta[s, a] = 1[s'=s] (1[a'=a] - pi(a|s))``.
+        (*B, S, A), from ``d log pi(a'|s') / d theta[s, a] = 1[s'=s] (1[a'=a] - pi(a|s))``.
     """
-    n_states, n_actions = policy.shape
-    taken = np.bincount(states * n_actions + actions, weights, n_states * n_actions)
-    taken = taken.reshape(n_states, n_actions)
-    return np.asarray(taken - policy * taken.sum(axis=1, keepdims=True))
+    cells = table_rows(policy.shape[:-1], states) * policy.shape[-1] + actions
+    taken = np.bincount(cells.ravel(), weights.ravel(), policy.size).reshape(policy.shape)
+    return np.asarray(taken - policy * taken.sum(axis=-1, keepdims=True))
+
+
+def table_rows(shape: tuple[int, ...], states: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Where the ``states`` (T, *B, E) of each agent stand in a flat table of ``shape`` (*B, S)."""
+    first = np.arange(prod(shape[:-1])).reshape(*shape[:-1], 1) * shape[-1]
+    return np.asarray(first + states)
 
 
 def entropy_gradient(policy: Table) -> Table:
-    """Gradient of ``-RE(pi)`` with respect to the logits: ``(1/|A| - pi) / |S|`` (Eq. 9)."""
-    n_states, n_actions = policy.shape
+    """Gradient (*B, S, A) of ``-RE(pi)`` for the logits: ``(1/|A| - pi) / |S|`` (Eq. 9)."""
+    n_states, n_actions = policy.shape[-2:]
     return np.asarray((1.0 / n_actions - policy) / n_states)

@@ -5,18 +5,23 @@
     who are my neighbours now?  ->  publish theta_k (does not wait)
     ->  gradient at theta_k, while the exchange runs underneath
     ->  gather the neighbours' theta_k  ->  mix, add the step: theta_{k+1}
+    ->  compare accounts with the neighbours
 
-Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.
+Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.  An
+asynchronous swarm takes the newest that is there and waits for nobody.
 """
 
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from agent.config import SwarmFile
 from agent.learner import Learner, Step, Vector
 from swarm.consensus import disagreement
 from swarm.exchange import Exchange, Gathered
+from swarm.ledger import Ledger
 from swarm.loss import edge_counts
 from swarm.mixing import Mixer
 from swarm.roster import Roster
@@ -55,6 +60,7 @@ class Rounds:
         agent: own id.
         learner, mixer, exchange, roster: its parts.
         stop: set when the agent must end.
+        ledger: what was used of whom.
         degrees: last known number of neighbours of each neighbour.
     """
 
@@ -65,7 +71,11 @@ class Rounds:
     exchange: Exchange
     roster: Roster
     stop: threading.Event
+    ledger: Ledger = field(init=False)
     degrees: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.ledger = Ledger(self.agent)
 
     def neighbours(self) -> tuple[str, ...]:
         """Own neighbours in the topology over the members that are present (and oneself)."""
@@ -78,18 +88,21 @@ class Rounds:
         nearby = self.neighbours()
         if self.mixer.rule.sends_after_step:
             step = self.learner.step(theta, round_)
-            self.exchange.publish(round_, nearby, self.mixer.outgoing(theta, step.vector))
+            self._publish(round_, nearby, theta, step.vector)
         else:
-            self.exchange.publish(round_, nearby, self.mixer.outgoing(theta, theta))
+            self._publish(round_, nearby, theta, theta)
             step = self.learner.step(theta, round_)
-        gathered = self.exchange.gather(round_, nearby, self.roster, self.stop)
+        gathered = self._gather(round_, nearby)
         if self.stop.is_set():
             return None
         arrived = self._counting(round_, gathered)
         weights = self._weights(nearby, gathered)
+        if self.config.pace == "async":
+            weights = {sender: weights[sender] for sender in arrived}
         new = self.mixer.mix(theta, step.vector, arrived, weights)
+        self.ledger.record(round_, {n: weights[n] for n in self.mixer.shares}, self.mixer.shares)
         return Outcome(
-            theta=new,
+            theta=self._settle(new, gathered),
             next_round=max(round_ + 1, gathered.ahead or 0),
             step=step,
             weights={neighbour: weights[neighbour] for neighbour in arrived},
@@ -98,19 +111,44 @@ class Rounds:
             waited=gathered.waited,
         )
 
+    def _publish(self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector) -> None:
+        body = self.mixer.outgoing(theta, step)
+        norm = float(np.linalg.norm(theta))
+        self.exchange.publish(round_, nearby, body, self.ledger.used, norm)
+
+    def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
+        if self.config.pace == "async":
+            return self.exchange.look(nearby, self.config.rounds)
+        return self.exchange.gather(round_, nearby, self.stop)
+
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
         """Messages of neighbours that also count us, less those lost on purpose."""
         loss, missing = self.config.loss, self.config.mixing.missing
+        declined: set[str] = set()
+        if missing == "stale":
+            for sender, message in gathered.newest.items():
+                if sender in gathered.missing:
+                    self.mixer.heard[sender] = message.vector
+        else:
+            declined = self.ledger.declined(round_, (m.header for m in gathered.newest.values()))
         return {
             sender: message.vector
             for sender, message in gathered.arrived.items()
             if self.agent in message.header.neighbours
+            and sender not in declined
             and edge_counts(loss, missing, round_, sender, self.agent)
         }
 
     def _weights(self, nearby: tuple[str, ...], gathered: Gathered) -> Mapping[str, float]:
         """Lazy Metropolis weight of every neighbour, from both sides' numbers of neighbours."""
-        for sender, message in gathered.arrived.items():
+        for sender, message in (gathered.newest | gathered.arrived).items():
             self.degrees[sender] = len(message.header.neighbours)
         own = len(nearby)
         return {n: lazy_metropolis(own, self.degrees.get(n, own)) for n in nearby}
+
+    def _settle(self, theta: Vector, gathered: Gathered) -> Vector:
+        """Take back shares of edges that turn out one-sided, where the drop must be symmetric."""
+        for share in self.ledger.settle(m.header for m in gathered.newest.values()):
+            if self.config.mixing.missing == "symmetric":
+                theta = self.mixer.rule.retract(theta, share, self.mixer.state)
+        return theta

@@ -9,6 +9,9 @@ import os
 import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -18,6 +21,7 @@ import typer
 from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
+from deploy.reproduce.cli import app as reproduce
 from swarm.errors import ConfigError, SwarmError
 
 app = typer.Typer(
@@ -27,12 +31,21 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+app.add_typer(reproduce, name="reproduce")
+
+LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable."),
+]
+Scenes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
+    ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -50,18 +63,25 @@ def up(
         Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME-DATE.")
     ] = None,
     record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
+    chaos: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
+    ] = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
+    from deploy.chaos import load_faults  # noqa: PLC0415
     from deploy.local import launch, prepare, resume_run  # noqa: PLC0415
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
     if resume is not None:
         folder, config, begin = resume_run(resume, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
     else:
         assert file is not None
-        folder, config, begin = prepare(load(file, settings or ()), run)
-    raise typer.Exit(launch(folder, config, begin, record))
+        config = load(file, settings or ())
+        faults = load_faults(chaos, config) if chaos else ()
+        folder, config, begin = prepare(config, run)
+    raise typer.Exit(launch(folder, config, begin, record, faults))
 
 
 @app.command()
@@ -201,6 +221,108 @@ def vehicle(
     fly(options, _stop_on_signals())
 
 
+@app.command()
+def doctor(
+    target: Annotated[
+        Path | None,
+        typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    ] = None,
+    settings: Settings = None,
+    id_: Annotated[
+        str | None, typer.Option("--id", help="Look as this agent, from its machine.")
+    ] = None,
+    json: AsJson = False,
+    timeout: Annotated[float, typer.Option(help="Longest single wait [s].")] = 2.0,
+) -> None:
+    """Say why an agent sees nobody, and what to change.  Exit code: 0 all is well, 1 it is not."""
+    from deploy.doctor import diagnose, show  # noqa: PLC0415
+
+    raise typer.Exit(show(diagnose(target, settings or (), id_, timeout), json))
+
+
+@app.command()
+def certs(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates are kept.")],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Swarm file: its agents and their hosts.")
+    ] = None,
+    settings: Settings = None,
+    agents: Annotated[
+        str, typer.Option(metavar="ID,ID,...", help="Agents, instead of or beside those of FILE.")
+    ] = "",
+    host: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[ID=]HOST", help="Name or address of an agent, or of all; repeatable."
+        ),
+    ] = None,
+    days: Annotated[int, typer.Option(min=1, help="How long certificates are valid.")] = 365,
+    force: Annotated[
+        bool, typer.Option("--force", help="Renew certificates that are there.")
+    ] = False,
+) -> None:
+    """Make an authority and a certificate for each agent and for observers, for [network.security].
+
+    Running it again adds what is missing and leaves the rest alone.
+    """
+    try:
+        from deploy.certs import hosts_of, make_certificates, tell  # noqa: PLC0415
+    except ImportError:
+        raise SwarmError(
+            "certificates need the package cryptography, which is not installed: "
+            'pip install "dcpg-swarm[security]"'
+        ) from None
+
+    # Of the file only ids and hosts count: it may name certificates that are still to be made.
+    config = load(file, settings or ()) if file else None
+    tell(folder, make_certificates(folder, hosts_of(config, agents, host or ()), days, force))
+
+
+@app.command()
+def worlds(
+    scenes: Scenes = None,
+    sheet: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a contact sheet.")
+    ] = None,
+    width: Annotated[int | None, typer.Option(min=100, help="Of the sheet [pixels].")] = None,
+) -> None:
+    """Show the indoor worlds: a table, and with --sheet their plans and views as a picture."""
+    from deploy.worlds import worlds as show  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
+
+    with _plain_errors():
+        show(scenes or NAMES, sheet, width)
+
+
+@app.command()
+def fly(
+    pilot: Annotated[str, typer.Option(help="greedy, straight or random.")] = "greedy",
+    scenes: Scenes = None,
+    flights: Annotated[int, typer.Option(min=1, help="Flights in each world.")] = 16,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    json: AsJson = False,
+) -> None:
+    """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
+    from deploy.fly import fly as start  # noqa: PLC0415
+    from sim.indoor.scenes import NAMES  # noqa: PLC0415
+
+    with _plain_errors():
+        start(pilot, scenes or NAMES, flights, seed, as_json=json)
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """The worlds raise the standard library's exceptions; a user sees their one line."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise SwarmError(
+            f'this needs {error.name}, which is not installed: pip install "dcpg-swarm[figures]"'
+        ) from None
+    except (ValueError, OSError) as error:
+        raise ConfigError(str(error)) from None
+
+
 def _stop_on_signals() -> threading.Event:
     """An event that SIGTERM and Ctrl-C set."""
     stop = threading.Event()
@@ -222,7 +344,9 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
 
 def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
     """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [logging.FileHandler(path)]
+    handlers: list[logging.Handler] = [
+        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
+    ]
     if not quiet:
         handlers.append(logging.StreamHandler())
     logging.basicConfig(

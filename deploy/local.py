@@ -13,7 +13,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -22,14 +22,17 @@ from types import FrameType
 
 import msgspec
 
+from agent import checkpoint
 from agent.config import SwarmFile, load
 from agent.runfolder import RunFolder, open_run
 from agent.tabular import TabularLearner
+from deploy.chaos import Chaos, Fault
 from deploy.progress import Progress
 from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
 from swarm.errors import ConfigError, SwarmError
 from swarm.keys import Keys
+from swarm.security import OBSERVER
 from swarm.telemetry import watch_reports
 
 STOP_LIMIT = 2.0  # [s] from SIGTERM to SIGKILL
@@ -45,6 +48,7 @@ def prepare(config: SwarmFile, run: Path | None) -> tuple[RunFolder, SwarmFile, 
         ConfigError: the folder exists already, or a task cannot be built.
     """
     check_tasks(config)
+    check_certificates(config)
     path = run or RUNS / f"{config.name}-{datetime.now().astimezone():%Y%m%d-%H%M%S}"
     suffix = 1
     while run is None and path.exists():
@@ -76,6 +80,16 @@ def check_tasks(config: SwarmFile) -> None:
             )
 
 
+def check_certificates(config: SwarmFile) -> None:
+    """See that every agent and the launcher itself have their files of ``[network.security]``.
+
+    Raises:
+        ConfigError: one of them will not do.
+    """
+    for name in (*config.members, OBSERVER):
+        config.network.security.check(name)
+
+
 def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile, int]:
     """A run folder to go on with, its configuration, and the last round that all agents have.
 
@@ -85,6 +99,7 @@ def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFil
     """
     folder = open_run(path)
     config = with_free_ports(load(folder.config, settings))
+    check_certificates(config)
     begin = folder.common_round(config.members)
     folder.write_config(config)
     return folder, config, begin
@@ -92,6 +107,8 @@ def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFil
 
 def with_free_ports(config: SwarmFile) -> SwarmFile:
     """The configuration, moved to other ports where its own are taken."""
+    if all(agent.endpoint for agent in config.agents):
+        return config
     wanted = range(config.network.base_port, config.network.base_port + len(config.agents))
     if all(_is_free(config.network.host, port) for port in wanted):
         return config
@@ -158,6 +175,8 @@ class Fleet:
             command.append("--resume")
         if begin:
             command += ["--begin", str(begin)]
+        if namespace := self.config.agents[self.config.index(agent)].namespace:
+            command = ["ip", "netns", "exec", namespace, *command]
         self.folder.prepare(agent)
         with self.folder.log(agent).open("ab") as log:
             process = subprocess.Popen(
@@ -193,10 +212,13 @@ class Fleet:
                 self.start(worker.agent, None)
 
     def _on_exit(self, worker: Worker, code: int) -> None:
-        if code == 0:
+        held = checkpoint.rounds_in(self.folder.checkpoints(worker.agent))
+        if code == 0 and held and held[-1] >= self.config.rounds:
             worker.done = True
             return
         what = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
+        if code == 0:
+            what = f"was stopped at round {held[-1] if held else 0}"
         if code in {ConfigError.exit_code, 4}:
             raise SwarmError(f"{worker.agent} {what}: {_last_line(self.folder.log(worker.agent))}")
         now = time.monotonic()
@@ -211,6 +233,11 @@ class Fleet:
         delay = BACKOFF[worker.failures - 1]
         worker.restart_at = now + delay
         self.progress.say(f"{worker.agent} {what}, starts again in {delay:.1f} s")
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Processes that run."""
+        return {w.agent: w.process.pid for w in self.workers.values() if w.process.poll() is None}
 
     @property
     def done(self) -> bool:
@@ -239,7 +266,9 @@ def _last_line(path: Path) -> str:
     return lines[-1].removeprefix("swarm: ") if lines else "it said nothing"
 
 
-def launch(folder: RunFolder, config: SwarmFile, begin: int, record: bool) -> int:
+def launch(
+    folder: RunFolder, config: SwarmFile, begin: int, record: bool, faults: Sequence[Fault] = ()
+) -> int:
     """Run a swarm to its end and report.
 
     Args:
@@ -247,6 +276,7 @@ def launch(folder: RunFolder, config: SwarmFile, begin: int, record: bool) -> in
         config: the resolved configuration.
         begin: first round; 0 starts afresh.
         record: write a Rerun recording at the end.
+        faults: to be injected on the way.
 
     Returns:
         Exit code: 0 all agents finished; 1 some were given up; 130 interrupted.
@@ -266,8 +296,14 @@ def launch(folder: RunFolder, config: SwarmFile, begin: int, record: bool) -> in
                 fleet.start(agent, begin)
             session = resources.enter_context(observe(config))
             watch_reports(session, Keys(config.name), progress.take)
+            chaos = Chaos(config, list(faults))
+            resources.callback(lambda: chaos.undo(fleet.pids))
             while not fleet.done and not interrupted.is_set():
                 fleet.attend(TICK)
+                if chaos.started is None and progress.complete:
+                    chaos.started = time.monotonic()
+                for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):
+                    progress.say(f"fault: {label}")
                 progress.show()
         if interrupted.is_set():
             print(f"stopped; go on with: swarm up --resume {folder.path}")

@@ -40,6 +40,18 @@ class Progress:
             self._first.setdefault(report.agent, report)
             self._reports[report.agent] = report
 
+    @property
+    def complete(self) -> bool:
+        """Whether every agent has reported."""
+        with self._lock:
+            return len(self._reports) == len(self._config.members)
+
+    @property
+    def round(self) -> int:
+        """Newest round that every agent has reported."""
+        with self._lock:
+            return min((report.round for report in self._reports.values()), default=0)
+
     def say(self, text: str) -> None:
         """Print one line above the live table."""
         elapsed = time.monotonic() - self._start

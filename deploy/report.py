@@ -32,7 +32,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         goal, obstacle: ``[task][agent]`` probability to reach the goal, to hit an obstacle.
         solved: ``[agent]`` number of tasks solved by its policy.
         value: ``[agent]`` sum over tasks of its policy's value.
-        optimum: V*, the largest sum that any policy reaches.
+        optimum: V*, the largest sum that any policy reaches; None where nobody knows it (tasks
+            that move by chance or in different ways).
         consensus_error: ``[agent]`` distance from the mean parameters.
     """
 
@@ -43,7 +44,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     obstacle: list[list[float]]
     solved: list[int]
     value: list[float]
-    optimum: float
+    optimum: float | None
     consensus_error: list[float]
 
 
@@ -59,7 +60,9 @@ def task_env(config: SwarmFile, agent: str) -> TabularEnv:
 def evaluate(config: SwarmFile, thetas: NDArray[np.floating]) -> Result:
     """Every agent's policy, theta (N, d), in every agent's task."""
     worlds = [task_env(config, agent) for agent in config.members]
-    policies = [softmax(theta.reshape(worlds[0].model.n_states, -1)) for theta in thetas]
+    shape = (worlds[0].model.n_states, worlds[0].model.n_actions)
+    # A critic's values may follow the logits.
+    policies = [softmax(theta[: shape[0] * shape[1]].reshape(shape)) for theta in thetas]
 
     def table(states: list[NDArray[np.intp]]) -> NDArray[np.float64]:
         return np.array(
@@ -80,9 +83,16 @@ def evaluate(config: SwarmFile, thetas: NDArray[np.floating]) -> Result:
         obstacle=obstacle.tolist(),
         solved=(goal - obstacle > SOLVED).sum(axis=0).tolist(),
         value=value,
-        optimum=joint_optimum([world.model for world in worlds]).bound,
+        optimum=_optimum(worlds),
         consensus_error=consensus_errors(thetas).tolist(),
     )
+
+
+def _optimum(worlds: list[TabularEnv]) -> float | None:
+    try:
+        return joint_optimum([world.model for world in worlds]).bound
+    except ValueError:
+        return None
 
 
 def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
@@ -96,11 +106,15 @@ def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     )
     result = evaluate(config, thetas)
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
-    console = Console()
+    console = Console(highlight=False)
     console.print(result_table(result))
-    n_tasks, share = len(result.tasks), np.array(result.value) / result.optimum
-    line = f"tasks solved: {min(result.solved)} of {n_tasks} by every agent's policy"
-    console.print(f"{line}; V/V* {share.min():.3f} to {share.max():.3f} (V* {result.optimum:.3f})")
+    line = f"tasks solved: {min(result.solved)} of {len(result.tasks)} by every agent's policy"
+    low, high = min(result.value), max(result.value)
+    if result.optimum is None:
+        console.print(f"{line}; sum of values {low:.3f} to {high:.3f}")
+    else:
+        low, high = low / result.optimum, high / result.optimum
+        console.print(f"{line}; V/V* {low:.3f} to {high:.3f} (V* {result.optimum:.3f})")
     console.print(f"final consensus error: {max(result.consensus_error):.4f} (largest of all)")
     if record and (recording := _record(folder, config)):
         console.print(f"recording: {recording}")

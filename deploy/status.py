@@ -20,6 +20,7 @@ from agent.runfolder import RunFolder
 from swarm.consensus import sketch_errors
 from swarm.errors import ConfigError
 from swarm.keys import Keys
+from swarm.security import OBSERVER
 from swarm.session import open_session
 from swarm.telemetry import AgentStatus, ask_status
 
@@ -58,7 +59,8 @@ def find_config(target: Path | None, settings: Iterable[str] = ()) -> Target:
 @contextmanager
 def observe(config: SwarmFile) -> Iterator[zenoh.Session]:
     """A session that sees the swarm and takes no part in it."""
-    with open_session(config.network, (), [config.endpoint(m) for m in config.members]) as session:
+    endpoints = [config.endpoint(member) for member in config.members]
+    with open_session(config.network, config.party(OBSERVER), (), endpoints) as session:
         yield session
 
 

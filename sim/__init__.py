@@ -8,7 +8,11 @@ from gymnasium.envs.registration import register
 ENTRY_POINTS = {
     "Chain-v0": "sim.tabular.chain:Chain",
     "GridWorld-v0": "sim.tabular.gridworld:GridWorld",
+    "IndoorFlight-v0": "sim.indoor.env:IndoorFlight",
+}
+VECTOR_ENTRY_POINTS = {
+    "IndoorFlight-v0": "sim.indoor.vector:IndoorFlights",
 }
 
 for _name, _entry_point in ENTRY_POINTS.items():
-    register(id=_name, entry_point=_entry_point)
+    register(id=_name, entry_point=_entry_point, vector_entry_point=VECTOR_ENTRY_POINTS.get(_name))

@@ -1,75 +1,51 @@
 """Publish theta_k, gather the neighbours' theta_k: one synchronous round over Zenoh.
 
 Interface: :meth:`Exchange.publish` does not wait; :meth:`Exchange.gather` waits until every
-neighbour has answered, is gone or is out of time.  What to wait for is decided by the pure function
-:func:`awaited`; Zenoh's callbacks only check, store and wake.
+neighbour has answered, is gone or is out of time (:mod:`swarm.timing` decides);
+:meth:`Exchange.look` takes what is there.  Zenoh's callbacks only check, store and wake.
 
 Rounds are logical.  A neighbour that already speaks of a later round will not answer this one, so
-nobody waits for it; an agent that finds all of its neighbours ahead jumps to their round.  A
-neighbour that let the deadline pass is not waited for again until it is heard.  While an answer is
+nobody waits for it; an agent that finds its neighbours ahead jumps to their round.  A neighbour
+that let the deadline pass is not waited for again until it has caught up.  While an answer is
 outstanding the own message is sent again, at growing intervals: it may be the one that was lost.
+Between, messages without a body say that this agent is waiting, not gone.
 """
 
 import logging
 import threading
 import time
-from collections import Counter
+from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
-from types import TracebackType
+from dataclasses import dataclass, replace
+from types import MappingProxyType, TracebackType
 from typing import Self
 
-import msgspec
+import numpy as np
 import zenoh
 
 from swarm.compression import Codec, Plain
 from swarm.errors import PayloadError
+from swarm.guard import Guard
+from swarm.inbox import Inbox
 from swarm.keys import Keys
-from swarm.payload import PROTOCOL, Layout, Message, ParameterHeader, decode, encode_header
+from swarm.payload import (
+    PROTOCOL,
+    Layout,
+    Message,
+    ParameterHeader,
+    Vector,
+    decode_body,
+    decode_header,
+    encode_header,
+)
 from swarm.roster import Roster
+from swarm.timing import Timing, awaited, deadline, out_of_time
 
 log = logging.getLogger(__name__)
-KEPT = 4  # messages kept per sender: neighbours in step are never further apart than one round
-
-
-class Timing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Every wait of an agent [s].
-
-    Attributes:
-        start: for the other agents of the file at the beginning; then it goes on without them.
-        round: for the neighbours' parameters in one round.
-        resend: until the own parameters are sent again; doubles each time.
-        state: for a neighbour's newest parameters when joining.
-        finish: for the neighbours' last round before leaving.
-    """
-
-    start: float = 60.0
-    round: float = 30.0
-    resend: float = 0.25
-    state: float = 2.0
-    finish: float = 2.0
-
-
-@dataclass(slots=True)
-class Box:
-    """What one sender has said: its newest messages by round."""
-
-    messages: dict[int, Message] = field(default_factory=dict)
-    heard: float = 0.0  # monotonic time of the newest message [s]
-
-    def newest(self) -> int:
-        """Newest round, -1 if none."""
-        return max(self.messages, default=-1)
-
-    def store(self, message: Message) -> None:
-        """Keep a message; a new incarnation of the sender starts a new box."""
-        lives = {other.header.incarnation for other in self.messages.values()}
-        if lives and message.header.incarnation not in lives:
-            self.messages.clear()
-        self.messages.setdefault(message.header.round, message)
-        for old in sorted(self.messages)[:-KEPT]:
-            del self.messages[old]
-        self.heard = time.monotonic()
+NORM_FACTOR = 100.0  # times the own norm, or 1, is as large as a neighbour's may be
+REMEMBERED = 32  # rounds whose duration sets the deadline
+TICK = 0.1  # [s] at most until a wait notices that it must end
+Used = Mapping[int, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,41 +53,18 @@ class Gathered:
     """What a round's exchange brought.
 
     Attributes:
-        arrived: messages of this round by neighbour.
+        arrived: messages that count for this round, by neighbour.
         missing: neighbours without one.
-        ahead: newest round heard from a neighbour that has left this one behind, or None.
+        newest: newest message of each neighbour, of whatever round.
+        ahead: round to go on with, when the neighbours have left this one behind; else None.
         waited: time spent waiting [s].
     """
 
     arrived: dict[str, Message]
     missing: tuple[str, ...]
+    newest: dict[str, Message]
     ahead: int | None
     waited: float
-
-
-def awaited(
-    round_: int,
-    neighbours: Collection[str],
-    newest: Mapping[str, Collection[int]],
-    present: Collection[str],
-    late: Collection[str],
-) -> set[str]:
-    """Neighbours whose message of this round may still come.
-
-    Args:
-        round_: the round under way.
-        neighbours: those of this round.
-        newest: rounds heard from each sender.
-        present: agents whose token lives.
-        late: agents that let a deadline pass and have not been heard since.
-    """
-    return {
-        agent
-        for agent in neighbours
-        if agent in present
-        and agent not in late
-        and max(newest.get(agent, ()), default=-1) < round_
-    }
 
 
 class Exchange:
@@ -125,6 +78,7 @@ class Exchange:
         layout: what the vectors mean.
         codec: their encoding.
         timing: the time limits.
+        roster: who is present, and in which life.
     """
 
     def __init__(
@@ -136,16 +90,20 @@ class Exchange:
         layout: Layout,
         codec: Codec,
         timing: Timing,
+        roster: Roster,
     ) -> None:
         self._session, self._keys = session, keys
         self._agent, self._incarnation = me
         self._members, self._layout, self._codec, self._timing = members, layout, codec, timing
-        self._boxes: dict[str, Box] = {}
+        self._inbox, self._roster = Inbox(), roster
+        self._norm = 0.0  # of the parameters that went out last
         self._late: set[str] = set()
-        self._news = threading.Condition()
-        self._rejected: Counter[str] = Counter()
-        self._complained: set[tuple[str, str]] = set()
+        self._taken: dict[str, Message] = {}
+        self._guard = Guard()
         self._outgoing: tuple[bytes, bytes] = (b"", b"")
+        self._published = 0.0  # monotonic time of the round's publication [s]
+        self._durations: deque[float] = deque(maxlen=REMEMBERED)
+        roster.call_on_change(self._inbox.wake)
         self._publisher = session.declare_publisher(
             keys.params(self._agent),
             congestion_control=zenoh.CongestionControl.BLOCK,
@@ -157,61 +115,102 @@ class Exchange:
     # --- in ---------------------------------------------------------------------------------
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        sender = str(sample.key_expr).rsplit("/", 1)[-1]
-        try:
-            attachment = sample.attachment
-            message = decode(
-                None if attachment is None else attachment.to_bytes(),
-                sample.payload.to_bytes(),
-                self._layout,
-                self._codec,
-            )
-            sender = message.header.agent
-            if sender == self._agent or sender not in self._members:
-                raise PayloadError("stranger", f'"{sender}" is not another agent of this swarm')
-        except PayloadError as error:
-            self._reject(sender, error)
+        _, sender = Keys.identity(str(sample.key_expr))
+        if not self._guard.admits(sender):
             return
-        with self._news:
-            self._boxes.setdefault(sender, Box()).store(message)
-            self._late.discard(sender)
-            self._news.notify_all()
+        try:
+            header = decode_header(_bytes(sample.attachment), self._layout)
+            self._check_sender(header, sender)
+            if len(sample.payload) == 0:
+                self._inbox.touch(header.agent)
+                return
+            vector = decode_body(sample.payload.to_bytes(), self._layout, self._codec)
+            self._check_norm(vector)
+        except PayloadError as error:
+            self._guard.reject(sender, error)
+        else:
+            self._inbox.store(Message(header, vector))
 
-    def _reject(self, sender: str, error: PayloadError) -> None:
-        self._rejected[error.cause] += 1
-        if (sender, error.cause) not in self._complained:
-            self._complained.add((sender, error.cause))
-            log.warning("dropped a message from %s (%s; said once, counted after)", sender, error)
+    def _check_sender(self, header: ParameterHeader, sender: str) -> None:
+        """The header must name another member in its present life, and the key the same one.
 
-    def wake(self) -> None:
-        """Look again at who is present; for the roster's ``on_change``."""
-        with self._news:
-            self._news.notify_all()
+        Access control proves the key, so the header may not say otherwise.  (Zenoh can deliver a
+        sample under another sender's key after a link was lost; with wildcard subscriptions that
+        is one in a million, and the sender says it again.)
+        """
+        if header.agent != sender:
+            raise PayloadError("key", f'"{header.agent}" speaks under the key of "{sender}"')
+        if header.agent == self._agent or header.agent not in self._members:
+            raise PayloadError("stranger", f'"{header.agent}" is not another agent of this swarm')
+        known = self._roster.incarnation(header.agent)
+        if known not in {None, header.incarnation}:  # its first message may overtake its token
+            raise PayloadError(
+                "incarnation",
+                f"{header.agent} in its life {header.incarnation}: expected {known}",
+            )
+
+    def _check_norm(self, vector: Vector) -> None:
+        """No honest neighbour is this far out; a poisoner stays within this, if at all."""
+        norm, limit = float(np.linalg.norm(vector)), NORM_FACTOR * max(self._norm, 1.0)
+        if norm > limit:
+            raise PayloadError(
+                "norm", f"parameters of norm {norm:.3g}: expected at most {limit:.3g}"
+            )
 
     @property
     def rejected(self) -> dict[str, int]:
         """Messages refused so far, by cause."""
-        return dict(self._rejected)
+        return self._guard.counts
+
+    @property
+    def quarantined(self) -> tuple[str, ...]:
+        """Senders that are shut out now."""
+        return self._guard.quarantined()
 
     def heard(self) -> dict[str, tuple[int, float]]:
-        """Newest round and age of the newest message [s] of every sender."""
-        now = time.monotonic()
-        with self._news:
-            return {agent: (box.newest(), now - box.heard) for agent, box in self._boxes.items()}
+        """Newest round of every sender and the age of its last sign of life [s]."""
+        now, rounds = time.monotonic(), self._inbox.rounds()
+        return {agent: (rounds[agent], now - at) for agent, at in self._inbox.heard().items()}
 
     # --- out --------------------------------------------------------------------------------
 
-    def publish(self, round_: int, neighbours: tuple[str, ...], body: bytes) -> None:
-        """Send this round's parameters; returns as soon as Zenoh has queued them."""
-        header = self._header(self._layout, round_, neighbours)
+    def publish(
+        self,
+        round_: int,
+        neighbours: tuple[str, ...],
+        body: bytes,
+        used: Used = MappingProxyType({}),
+        norm: float = 0.0,
+    ) -> None:
+        """Send this round's parameters; returns as soon as Zenoh has queued them.
+
+        Args:
+            round_: the round.
+            neighbours: with whom this agent exchanges in it.
+            body: the encoded vector.
+            used: weights that were used in the last rounds, by round and neighbour.
+            norm: Euclidean norm of the own vector, the measure for the neighbours'.
+        """
+        self._norm = norm
+        header = self._header(self._layout, round_, neighbours, used)
         self._outgoing = (encode_header(header), body)
+        self._published = time.monotonic()
         self._send()
 
     def _send(self) -> None:
         attachment, body = self._outgoing
         self._publisher.put(body, attachment=attachment)
 
-    def _header(self, layout: Layout, round_: int, neighbours: tuple[str, ...]) -> ParameterHeader:
+    def _beat(self) -> None:
+        self._publisher.put(b"", attachment=self._outgoing[0])
+
+    def _header(
+        self,
+        layout: Layout,
+        round_: int,
+        neighbours: tuple[str, ...],
+        used: Used = MappingProxyType({}),
+    ) -> ParameterHeader:
         return ParameterHeader(
             version=PROTOCOL,
             fingerprint=layout.fingerprint,
@@ -219,6 +218,7 @@ class Exchange:
             incarnation=self._incarnation,
             round=round_,
             neighbours=neighbours,
+            used={past: dict(weights) for past, weights in used.items()},
         )
 
     # --- both -------------------------------------------------------------------------------
@@ -227,7 +227,6 @@ class Exchange:
         self,
         round_: int,
         neighbours: tuple[str, ...],
-        roster: Roster,
         stop: threading.Event,
         limit: float | None = None,
     ) -> Gathered:
@@ -236,44 +235,58 @@ class Exchange:
         Args:
             round_: the round.
             neighbours: whose.
-            roster: who is present.
             stop: set when the agent must end; gather then returns what it has.
-            limit: deadline [s]; default :attr:`Timing.round`.
+            limit: how long after publishing [s]; by default what recent rounds suggest.
         """
-        start = time.monotonic()
-        end = start + (self._timing.round if limit is None else limit)
-        resend_at, interval = start + self._timing.resend, self._timing.resend
-        with self._news:
-            while True:
-                rounds = {agent: self._boxes[agent].messages for agent in self._boxes}
-                open_ = awaited(round_, neighbours, rounds, roster.present(), self._late)
-                now = time.monotonic()
-                if not open_ or stop.is_set():
-                    break
-                if now >= end:
-                    self._late |= open_
-                    log.warning(
-                        "round %d: no parameters from %s within %.1f s, going on without",
-                        round_,
-                        ", ".join(sorted(open_)),
-                        now - start,
-                    )
-                    break
-                if now >= resend_at:
-                    self._send()
-                    interval *= 2
-                    resend_at = now + interval
-                self._news.wait(min(end - now, resend_at - now, 0.1))
-            arrived = {
-                agent: rounds[agent][round_]
-                for agent in neighbours
-                if agent in rounds and round_ in rounds[agent]
-            }
-            missing = tuple(agent for agent in neighbours if agent not in arrived)
-            ahead = max((self._boxes[a].newest() for a in missing if a in self._boxes), default=-1)
-        return Gathered(
-            arrived, missing, ahead if ahead > round_ else None, time.monotonic() - start
-        )
+        start = now = time.monotonic()
+        limit = deadline(self._durations, self._timing) if limit is None else limit
+        interval = self._timing.resend
+        resend_at, beat_at = start + interval, start + self._timing.beat
+        while not stop.is_set():
+            seen, rounds = self._inbox.count, self._inbox.rounds()
+            self._late -= {agent for agent in self._late if rounds.get(agent, -1) >= round_}
+            open_ = awaited(round_, neighbours, rounds, self._roster.present(), self._late)
+            now = time.monotonic()
+            silent = out_of_time(open_, self._inbox.heard(), self._published, limit, now)
+            if silent:
+                self._late |= silent
+                log.warning(
+                    "round %d: no parameters from %s within %.1f s, going on without",
+                    round_,
+                    ", ".join(sorted(silent)),
+                    now - self._published,
+                )
+            if not open_ - silent or now >= self._published + self._timing.round:
+                break
+            if now >= resend_at:
+                self._send()
+                interval *= 2
+                resend_at = now + interval
+            elif now >= beat_at:
+                self._beat()
+                beat_at = now + self._timing.beat
+            self._inbox.wait(seen, TICK)
+        arrived = self._inbox.of_round(round_, neighbours)
+        missing = tuple(agent for agent in neighbours if agent not in arrived)
+        newest = self._inbox.newest(neighbours)
+        ahead = max((newest[a].header.round for a in missing if a in newest), default=-1)
+        now = time.monotonic()
+        self._durations.append(now - self._published)
+        return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
+
+    def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
+        """Take what is new since the last look, without waiting.
+
+        Staleness is bounded by counting a message once, the newest only: mixing the same parameters
+        again and again would pull this agent back to them.  Rounds of different agents are not
+        compared, but when a neighbour has reached the ``last`` one, so does this agent.
+        """
+        newest = self._inbox.newest(neighbours)
+        arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
+        self._taken |= arrived
+        missing = tuple(agent for agent in neighbours if agent not in arrived)
+        done = any(message.header.round >= last for message in newest.values())
+        return Gathered(arrived, missing, newest, last if done else None, 0.0)
 
     # --- joining ----------------------------------------------------------------------------
 
@@ -298,19 +311,19 @@ class Exchange:
             timeout=self._timing.state,
             consolidation=zenoh.ConsolidationMode.NONE,
         ):
-            if reply.ok is None or (attachment := reply.ok.attachment) is None:
+            if reply.ok is None:
                 continue
+            _, sender = Keys.identity(str(reply.ok.key_expr))
             try:
-                message = decode(
-                    attachment.to_bytes(), reply.ok.payload.to_bytes(), layout, Plain()
-                )
+                header = decode_header(_bytes(reply.ok.attachment), layout)
+                if header.agent != sender:
+                    raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
+                vector = decode_body(reply.ok.payload.to_bytes(), layout, Plain())
             except PayloadError as error:
-                self._reject(str(reply.ok.key_expr).rsplit("/", 1)[-1], error)
+                self._guard.reject(sender, error)
                 continue
-            if message.header.agent != self._agent and (
-                best is None or message.header.round > best.header.round
-            ):
-                best = message
+            if header.agent != self._agent and (best is None or header.round > best.header.round):
+                best = Message(header, vector)
         return best
 
     def _state_layout(self) -> Layout:
@@ -328,3 +341,7 @@ class Exchange:
         if not self._session.is_closed():
             self._subscriber.undeclare()
             self._publisher.undeclare()
+
+
+def _bytes(attachment: zenoh.ZBytes | None) -> bytes | None:
+    return None if attachment is None else attachment.to_bytes()

@@ -8,8 +8,9 @@
 ``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
 ========================================  ======================================================
 
-Receivers subscribe with ``*`` in the agent's place and believe the header, never the key: see the
-"wrong key" trap in the notes to Zenoh 1.10.
+Receivers subscribe with ``*`` in the agent's place and hold the key against the header: see the
+"wrong key" trap in the notes to Zenoh 1.10.  Under :mod:`swarm.security` nobody says
+anything but under its own id, so every key names its agent in the fourth place.
 """
 
 import re
@@ -61,8 +62,22 @@ class Keys:
         """Key of what an agent tells about itself; ``what`` names the message type."""
         return f"{ROOT}/{self.swarm}/telemetry/{agent}/{what}"
 
+    def own(self, agent: str) -> str:
+        """Everything that an agent says; all keys name the agent in the fourth place."""
+        return f"{ROOT}/{self.swarm}/*/{agent}/**"
+
+    def everything(self) -> str:
+        """Everything that anybody says."""
+        return f"{ROOT}/{self.swarm}/**"
+
     @staticmethod
     def token(key: str) -> tuple[str, str]:
         """(agent, incarnation) of a liveliness key."""
         agent, incarnation = key.rsplit("/", 2)[1:]
         return agent, incarnation
+
+    @staticmethod
+    def identity(key: str) -> tuple[str, str]:
+        """(swarm, agent) of any key."""
+        _, swarm, _, agent, *_ = key.split("/")
+        return swarm, agent

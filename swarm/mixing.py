@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.compression import CODECS, Codec, Compression
+from swarm.robust import Robust, shares
 
 Vector = NDArray[np.floating]
 State = dict[str, Vector]
@@ -46,11 +47,13 @@ class Mixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             one heard, ``give-back`` nothing (one-sided), ``symmetric`` nothing, on both sides of
             the edge.
         compression: encoding on the wire.
+        robust: how far to trust neighbours.
     """
 
     rule: RuleName = "dcpg"
     missing: Missing = "stale"
     compression: Compression = "none"
+    robust: Robust = Robust()
 
 
 class Rule(Protocol):
@@ -67,6 +70,10 @@ class Rule(Protocol):
         """theta of the next round; replaces entries of ``state``, never writes into them."""
         ...
 
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        """theta without ``share``, which an earlier mean should not have held."""
+        ...
+
 
 class Dcpg:
     """``theta' = W theta + step``: the paper's Algorithm 1."""
@@ -80,6 +87,9 @@ class Dcpg:
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         return mean + step
 
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        return theta - share
+
 
 class AdaptThenCombine:
     """``theta' = W (theta + step)``."""
@@ -92,6 +102,9 @@ class AdaptThenCombine:
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         return mean
+
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        return theta - share
 
 
 class ExactDiffusion:
@@ -107,6 +120,9 @@ class ExactDiffusion:
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         state["psi"] = theta + step
         return mean
+
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        return theta - share
 
 
 class Extra:
@@ -129,6 +145,10 @@ class Extra:
         state["y"] = moved if dual is None else dual + moved
         return new
 
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        state["y"] = state["y"] + share * theta.dtype.type(0.5)
+        return theta - share
+
 
 class GradientTracking:
     """``theta' = W theta + y`` with ``y = W y- + step - step-``, which tracks the mean step."""
@@ -144,6 +164,10 @@ class GradientTracking:
         state["tracked"] = mean[theta.size :]
         state["step"] = step
         return mean[: theta.size] + tracker
+
+    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
+        state["tracked"] = state["tracked"] - share[theta.size :]
+        return theta - share[: theta.size]
 
     @staticmethod
     def _tracker(step: Vector, state: State) -> Vector:
@@ -167,11 +191,13 @@ class Mixer:
         config: the swarm's choice.
         state: vectors that a checkpoint must keep (the rule's own, and ``feedback``).
         heard: the last vector of each neighbour, for ``missing = "stale"``.
+        shares: what each neighbour added to the mean of the last round.
     """
 
     config: Mixing
     state: State = field(default_factory=dict)
     heard: dict[str, Vector] = field(default_factory=dict)
+    shares: dict[str, Vector] = field(default_factory=dict)
     rule: Rule = field(init=False)
     codec: Codec = field(init=False)
     _sent: Vector | None = field(init=False, default=None)
@@ -212,6 +238,7 @@ class Mixer:
             raise RuntimeError("mix() before outgoing()")
         # What the rule means by its own message; differs from `sent` by the encoding's error.
         mean = self.rule.message(theta, step, self.state)
+        differences = {}
         for neighbour in sorted(weights):  # one fixed order: sums are the same bit for bit
             vector = arrived.get(neighbour)
             if vector is not None:
@@ -220,5 +247,8 @@ class Mixer:
             elif stale:
                 vector = self.heard.get(neighbour)
             if vector is not None:
-                mean = mean + theta.dtype.type(weights[neighbour]) * (vector - sent)
+                differences[neighbour] = vector - sent
+        self.shares = shares(self.config.robust, differences, weights)
+        for share in self.shares.values():
+            mean = mean + share
         return self.rule.update(theta, step, mean, self.state)

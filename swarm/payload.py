@@ -20,7 +20,7 @@ from swarm.compression import Codec, FloatType
 from swarm.errors import PayloadError
 
 PROTOCOL = 1  # raise it when the meaning of a header or body changes
-HEADER_LIMIT = 4096  # [bytes]
+HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
 Precision = Literal["float32", "float64"]
@@ -67,11 +67,13 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     Attributes:
         version: :data:`PROTOCOL` of the sender.
         fingerprint: :attr:`Layout.fingerprint` of the sender.
-        agent: who sends; this, not the key, is believed.
+        agent: who sends; the key must name the same one.
         incarnation: which life of that agent's process.
         round: number of the round that the parameters enter.
         neighbours: with whom the sender exchanges in this round; an edge counts when both name
             each other, and its weight follows from both lists' lengths.
+        used: weights that the sender used in its last rounds, by round and neighbour; see
+            :mod:`swarm.ledger`.
     """
 
     version: int
@@ -80,6 +82,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     incarnation: str
     round: int
     neighbours: tuple[str, ...]
+    used: dict[int, dict[str, float]] = {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,14 +102,14 @@ def encode_header(header: ParameterHeader) -> bytes:
     return _encoder.encode(header)
 
 
-def decode(attachment: bytes | None, body: bytes, layout: Layout, codec: Codec) -> Message:
-    """Check a received message against one's own layout and read it.
+def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
+    """Read a header and check it against one's own layout.
 
     Raises:
-        PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint``,
-            ``round``, ``length`` or ``finite``.
+        PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint`` or
+            ``round``.
     """
-    if attachment is None or len(attachment) > HEADER_LIMIT:
+    if attachment is None or not 0 < len(attachment) <= HEADER_LIMIT:
         length = 0 if attachment is None else len(attachment)
         raise PayloadError(
             "header", f"header of {length} bytes: expected 1 to {HEADER_LIMIT} bytes"
@@ -125,10 +128,19 @@ def decode(attachment: bytes | None, body: bytes, layout: Layout, codec: Codec) 
         )
     if header.round < 0:
         raise PayloadError("round", f"round {header.round}: expected 0 or more")
+    return header
+
+
+def decode_body(body: bytes, layout: Layout, codec: Codec) -> Vector:
+    """Read the vector that came with a good header.
+
+    Raises:
+        PayloadError: cause ``length`` or ``finite``.
+    """
     vector = codec.decode(body, layout.size * layout.copies, layout.dtype)
     if not _all_finite(vector):
         raise PayloadError("finite", "parameters are not finite")
-    return Message(header, vector)
+    return vector
 
 
 def _all_finite(vector: Vector) -> bool:

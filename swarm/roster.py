@@ -49,13 +49,11 @@ class Roster:
     Args:
         session: an open session.
         keys: the swarm's keys.
-        on_change: called after every change, on Zenoh's thread; must not block.
     """
 
-    def __init__(
-        self, session: zenoh.Session, keys: Keys, on_change: Callable[[], None] = lambda: None
-    ) -> None:
-        self._session, self._keys, self._on_change = session, keys, on_change
+    def __init__(self, session: zenoh.Session, keys: Keys) -> None:
+        self._session, self._keys = session, keys
+        self._on_change: list[Callable[[], None]] = []
         self._presence = Presence()
         self._changed = threading.Condition()
         self._token: zenoh.LivelinessToken | None = None
@@ -71,12 +69,22 @@ class Roster:
             else:
                 self._presence.delete(agent, incarnation)
             self._changed.notify_all()
-        self._on_change()
+        for call in self._on_change:
+            call()
+
+    def call_on_change(self, call: Callable[[], None]) -> None:
+        """Have ``call`` called after every change, on Zenoh's thread; it must not block."""
+        self._on_change.append(call)
 
     def present(self) -> dict[str, str]:
         """Agents that are here, each with its newest incarnation."""
         with self._changed:
             return {agent: lives[-1] for agent, lives in self._presence.alive.items()}
+
+    def incarnation(self, agent: str) -> str | None:
+        """The newest living incarnation of an agent, None if it is not here."""
+        with self._changed:
+            return self._presence.incarnation(agent)
 
     def announce(self, agent: str, incarnation: str) -> None:
         """Be present, until the roster is closed."""

@@ -1,4 +1,4 @@
-"""A Zenoh session from a :class:`Network`: endpoints, discovery, failure detection, queues.
+"""A Zenoh session from a :class:`Network`: endpoints, discovery, failure detection, queues, TLS.
 
 The values that are not options were measured on Zenoh 1.10 (``shared/zenoh.md``): together they let
 healthy neighbours survive a frozen one, bound every wait, and keep a fragmenting or oversized
@@ -7,6 +7,7 @@ message from being believed.
 
 import json
 import os
+import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,7 +19,8 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
 import msgspec
 import zenoh
 
-from swarm.errors import NetworkError
+from swarm.errors import ConfigError, NetworkError
+from swarm.security import Party, Security
 
 CLOSE_DEADLINE = 1.0  # [s] a blocked peer can hold close() for longer; we leave without it
 MAX_MESSAGE = 64 * 2**20  # [bytes] larger ones are dropped by the receiver's transport
@@ -36,6 +38,7 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         gossip: peers tell each other of peers, so that one known address suffices.
         lease_ms: a peer that is silent for so long counts as gone [ms].
         shared_memory: large payloads between processes of one machine go through /dev/shm.
+        security: who may join and what each may say; off by default.
     """
 
     discovery: Literal["endpoints", "multicast"] = "endpoints"
@@ -45,9 +48,29 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gossip: bool = True
     lease_ms: int = 2000
     shared_memory: bool = True
+    security: Security = Security()
+
+    @property
+    def protocol(self) -> str:
+        """Of every endpoint: ``tls`` or ``tcp``."""
+        return "tls" if self.security.tls else "tcp"
 
 
-def configuration(network: Network, listen: Sequence[str], connect: Sequence[str]) -> zenoh.Config:
+def host_and_port(endpoint: str) -> tuple[str, int]:
+    """Of ``tcp/10.0.0.7:7450`` or ``tls/[::1]:7450``.
+
+    Raises:
+        ConfigError: it is no such endpoint.
+    """
+    match = re.fullmatch(r"\w+/(?:\[(.+)\]|([^\[\]]+)):(\d+)(?:[?#].*)?", endpoint)
+    if match is None or int(match[3]) > 65535:
+        raise ConfigError(f'endpoint "{endpoint}": expected one like tcp/10.0.0.7:7450')
+    return match[1] or match[2], int(match[3])
+
+
+def configuration(
+    network: Network, party: Party, listen: Sequence[str], connect: Sequence[str]
+) -> zenoh.Config:
     """Zenoh's configuration for a peer that listens here and, if it may, dials there."""
     values: dict[str, Any] = {
         "mode": "peer",
@@ -71,6 +94,7 @@ def configuration(network: Network, listen: Sequence[str], connect: Sequence[str
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,  # [us]
         "transport/link/rx/max_message_size": MAX_MESSAGE,
         "transport/shared_memory/enabled": network.shared_memory,
+        **network.security.settings(party),
     }
     config = zenoh.Config()
     for key, value in values.items():
@@ -80,16 +104,18 @@ def configuration(network: Network, listen: Sequence[str], connect: Sequence[str
 
 @contextmanager
 def open_session(
-    network: Network, listen: Sequence[str], connect: Sequence[str]
+    network: Network, party: Party, listen: Sequence[str], connect: Sequence[str]
 ) -> Iterator[zenoh.Session]:
-    """A session that is closed at the end, in bounded time.
+    """A session of ``party`` that is closed at the end, in bounded time.
 
     Raises:
+        ConfigError: a file of ``network.security`` will not do.
         NetworkError: it cannot be opened; most often the port is taken.
     """
-    zenoh.init_log_from_env_or("error")
+    zenoh.init_log_from_env_or("off")
+    network.security.check(party.name)
     try:
-        session = zenoh.open(configuration(network, listen, connect))
+        session = zenoh.open(configuration(network, party, listen, connect))
     except zenoh.ZError as error:
         reason = str(error).split(" at ")[0]
         raise NetworkError(

@@ -75,6 +75,9 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         value, disagreement: of the newest report.
         sketch: of its parameters.
         rejected: messages refused, by cause.
+        quarantined: senders that are shut out for now.
+        one_sided: edges that only one end used in a round; 0 while W is symmetric on what was
+            really exchanged.
         memory_mb: resident memory [MB].
     """
 
@@ -89,11 +92,17 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     disagreement: float | None = None
     sketch: tuple[float, ...] = ()
     rejected: dict[str, int] = {}
+    quarantined: tuple[str, ...] = ()
+    one_sided: int = 0
     memory_mb: float = 0.0
 
 
 class TelemetryPublisher:
-    """Publishes reports of one agent, at most :data:`RATE` a second of them."""
+    """Publishes reports of one agent, at most :data:`RATE` a second of them.
+
+    A report goes out when the wall clock enters a new ``1 / RATE`` of a second: agents whose clocks
+    agree report the same rounds, and who watches them compares like with like.
+    """
 
     def __init__(self, session: zenoh.Session, keys: Keys, agent: str) -> None:
         self._publisher = session.declare_publisher(
@@ -101,16 +110,16 @@ class TelemetryPublisher:
             congestion_control=zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.BACKGROUND,
         )
-        self._next = 0.0
+        self._slot = -1
 
     def due(self) -> bool:
         """Whether a report would be sent now; building one costs something."""
-        return time.monotonic() >= self._next
+        return int(time.time() * RATE) != self._slot
 
     def put(self, report: RoundReport, always: bool = False) -> None:
         """Send if it is time to, or ``always`` (the last report of a run)."""
         if always or self.due():
-            self._next = time.monotonic() + 1.0 / RATE
+            self._slot = int(time.time() * RATE)
             self._publisher.put(msgspec.msgpack.encode(report))
 
     def __enter__(self) -> Self:
@@ -136,7 +145,8 @@ def watch_reports(
             report = decoder.decode(sample.payload.to_bytes())
         except msgspec.MsgspecError:
             return
-        on_report(report)
+        if report.agent == Keys.identity(str(sample.key_expr))[1]:
+            on_report(report)
 
     return session.declare_subscriber(keys.telemetry(what="round"), receive)
 
@@ -154,5 +164,6 @@ def ask_status(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str, 
             status = decoder.decode(reply.ok.payload.to_bytes())
         except msgspec.MsgspecError:
             continue
-        answers[status.agent] = status
+        if status.agent == Keys.identity(str(reply.ok.key_expr))[1]:
+            answers[status.agent] = status
     return answers

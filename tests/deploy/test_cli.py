@@ -10,7 +10,10 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 FILE = ROOT / "deploy" / "swarms" / "gridworld-a.toml"
-COMMANDS = ["up", "agent", "status", "view", "topology", "vehicle"]
+COMMANDS = [
+    "up", "agent", "status", "view", "topology", "reproduce", "doctor", "certs", "worlds", "fly",
+    "vehicle",
+]  # fmt: skip
 
 
 def swarm(*arguments: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
@@ -58,6 +61,9 @@ def test_topology_prints_w_and_its_spectrum() -> None:
         (["agent", FILE, "--id", "drone9"], 2, 'no agent "drone9"'),
         (["status"], 2, "no run in"),
         (["view"], 2, "no run in"),
+        (["fly", "--pilot", "ace"], 2, "ace"),
+        (["fly", "--scene", "missing.glb"], 2, "missing.glb"),
+        (["worlds", "--scene", "nowhere"], 2, "nowhere"),
     ],
 )
 def test_a_mistake_is_one_line_and_an_exit_code(

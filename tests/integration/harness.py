@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -114,7 +115,7 @@ def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
         return command.wait(), command.output
 
 
-def status(folder: Path, cwd: Path, timeout: float = 5.0) -> tuple[int, dict]:
+def status(folder: Path, cwd: Path, timeout: float = 5.0) -> tuple[int, dict[str, Any]]:
     """``swarm status --json``: (exit code, what it said)."""
     code, output = run("status", folder, "--json", "--timeout", str(timeout), cwd=cwd)
     return code, json.loads(output)

@@ -23,6 +23,8 @@ from tests.integration.harness import (
 )
 
 pytestmark = pytest.mark.integration
+# Without faults: a machine so busy that an agent stands still for seconds would make one.
+NO_FAULTS = ["network.lease_ms=30000", "timing.round_floor=60", "timing.round=60"]
 
 
 def reference(settings: list[str]) -> np.ndarray:
@@ -75,7 +77,7 @@ def up(folder: Path, settings: list[str]) -> np.ndarray:
 
 
 def test_exact_gradients_in_float64_agree_with_the_matrix_form_to_1e_12(tmp_path: Path) -> None:
-    settings = ["rounds=60", "estimator={kind='exact'}", "policy.precision=float64"]
+    settings = [*NO_FAULTS, "rounds=60", "estimator={kind='exact'}", "policy.precision=float64"]
     thetas = up(tmp_path / "run", settings)
     assert thetas.dtype == np.float64
     assert np.abs(thetas).max() > 0.1  # it did learn
@@ -84,7 +86,7 @@ def test_exact_gradients_in_float64_agree_with_the_matrix_form_to_1e_12(tmp_path
 
 @pytest.mark.parametrize("estimator", ["exact", "reinforce"])
 def test_float32_agrees_with_the_reference_bit_for_bit(tmp_path: Path, estimator: str) -> None:
-    settings = ["rounds=60", f"estimator={{kind='{estimator}'}}"]
+    settings = [*NO_FAULTS, "rounds=60", f"estimator={{kind='{estimator}'}}"]
     thetas = up(tmp_path / "run", settings)
     assert thetas.dtype == np.float32
     np.testing.assert_array_equal(thetas, reference(settings))
@@ -92,7 +94,7 @@ def test_float32_agrees_with_the_reference_bit_for_bit(tmp_path: Path, estimator
 
 def test_timing_does_not_change_a_bit(tmp_path: Path) -> None:
     """One run undisturbed, one in which an agent is stopped for a while in the middle."""
-    settings = ["rounds=400", "seed=3"]
+    settings = [*NO_FAULTS, "rounds=400", "seed=3"]
     first = up(tmp_path / "first", settings)
     second = tmp_path / "second"
     arguments = [word for setting in settings for word in ("--set", setting)]

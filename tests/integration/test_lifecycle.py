@@ -5,6 +5,7 @@ import os
 import signal
 import socket
 import time
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from agent.runfolder import RunFolder
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
+    Command,
     agent_pids,
     final_thetas,
     free_base_port,
@@ -91,9 +93,9 @@ def test_ctrl_c_ends_all_and_resume_goes_on_bit_for_bit(tmp_path: Path) -> None:
 def test_a_killed_agent_is_reported_restarted_and_joins_again(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with swarm(
-        "up", GRIDWORLD_A, "--run", folder, "--no-record", "--set", "rounds=3000", cwd=tmp_path
+        "up", GRIDWORLD_A, "--run", folder, "--no-record", "--set", "rounds=4000", cwd=tmp_path
     ) as command:
-        until(lambda: rounds_played(folder, "drone1") > 50, "round 50")
+        until(lambda: rounds_played(folder, "drone1") > 1000, "round 1000")
         os.kill(agent_pids(folder)["drone1"], signal.SIGKILL)
         command.says("drone1 was killed by SIGKILL, starts again in")
         command.says("drone1 starts again from its newest checkpoint")
@@ -141,7 +143,7 @@ def test_single_agents_make_a_swarm_and_an_id_is_taken_once(tmp_path: Path) -> N
     common = ["--set", port, "--set", "rounds=1000000", "--set", "timing.start=0.5"]
     folders = {m: tmp_path / m for m in MEMBERS}
 
-    def start(member: str):
+    def start(member: str) -> AbstractContextManager[Command]:
         return swarm(
             "agent", GRIDWORLD_A, "--id", member, "--run", folders[member], *common, cwd=tmp_path
         )

@@ -1,10 +1,12 @@
-"""Whom to wait for, what to keep, who is here: the exchange's decisions without a network."""
+"""Whom to wait for and how long, what to keep, who is here: decisions without a network."""
 
 import numpy as np
+import pytest
 
-from swarm.exchange import KEPT, Box, awaited
+from swarm.inbox import KEPT, Box, Inbox
 from swarm.payload import PROTOCOL, Message, ParameterHeader
 from swarm.roster import Presence
+from swarm.timing import PATIENCE, Timing, awaited, deadline, out_of_time
 
 
 def message(round_: int, incarnation: str = "1") -> Message:
@@ -20,14 +22,47 @@ def message(round_: int, incarnation: str = "1") -> Message:
 
 
 def test_wait_for_a_neighbour_that_is_here_and_has_not_answered() -> None:
-    assert awaited(5, ["b", "c"], {"b": [3, 4], "c": [4, 5]}, {"b", "c"}, set()) == {"b"}
+    assert awaited(5, ["b", "c"], {"b": 4, "c": 5}, {"b", "c"}, set()) == {"b"}
     assert awaited(5, ["b"], {}, {"b"}, set()) == {"b"}
 
 
 def test_do_not_wait_for_the_gone_the_late_and_those_ahead() -> None:
-    assert awaited(5, ["b"], {"b": [4]}, set(), set()) == set()
-    assert awaited(5, ["b"], {"b": [4]}, {"b"}, {"b"}) == set()
-    assert awaited(5, ["b"], {"b": [4, 6]}, {"b"}, set()) == set()
+    assert awaited(5, ["b"], {"b": 4}, set(), set()) == set()
+    assert awaited(5, ["b"], {"b": 4}, {"b"}, {"b"}) == set()
+    assert awaited(5, ["b"], {"b": 6}, {"b"}, set()) == set()
+
+
+def test_the_deadline_follows_the_rounds_within_floor_and_ceiling() -> None:
+    timing = Timing(round=30.0, round_floor=2.0)
+    assert deadline([], timing) == 30.0
+    assert deadline([0.004] * 20, timing) == 2.0
+    assert deadline([1.5] * 20, timing) == pytest.approx(PATIENCE * 1.5)
+    assert deadline([1.0] * 19 + [25.0], timing) == pytest.approx(PATIENCE)
+    assert deadline([20.0] * 5, timing) == 30.0
+
+
+def test_silence_runs_out_of_time_and_signs_of_life_do_not() -> None:
+    heard = {"silent": 90.0, "waiting": 101.7}
+    waiting = ["silent", "waiting", "never heard"]
+    assert out_of_time(waiting, heard, published=100.0, limit=2.0, now=101.9) == set()
+    assert out_of_time(waiting, heard, 100.0, 2.0, 102.0) == {"silent", "never heard"}
+    assert out_of_time(waiting, heard, 100.0, 2.0, 102.7) == set(waiting)
+
+
+def test_an_inbox_gives_messages_by_round_and_the_newest() -> None:
+    inbox = Inbox()
+    before = inbox.count
+    inbox.store(message(4))
+    inbox.store(message(5))
+    assert inbox.count > before
+    inbox.wait(before, timeout=60.0)  # returns at once: something has come since
+    assert inbox.of_round(4, ["b", "c"])["b"].header.round == 4
+    assert inbox.of_round(3, ["b"]) == {}
+    assert inbox.newest(["b", "c"])["b"].header.round == 5
+    inbox.touch("c")
+    assert inbox.rounds() == {"b": 5, "c": -1}
+    assert inbox.newest(["c"]) == {}
+    assert set(inbox.heard()) == {"b", "c"}
 
 
 def test_a_box_keeps_the_newest_rounds_and_the_first_message_of_each() -> None:

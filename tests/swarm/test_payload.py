@@ -8,10 +8,23 @@ from hypothesis import strategies as st
 
 from swarm.compression import Plain
 from swarm.errors import PayloadError
-from swarm.payload import HEADER_LIMIT, PROTOCOL, Layout, ParameterHeader, decode, encode_header
+from swarm.payload import (
+    HEADER_LIMIT,
+    PROTOCOL,
+    Layout,
+    Message,
+    ParameterHeader,
+    decode_body,
+    decode_header,
+    encode_header,
+)
 
 LAYOUT = Layout("test", (("logits", (3, 2)),))
 BODY = np.arange(6, dtype="<f4").tobytes()
+
+
+def decode(attachment: bytes | None, body: bytes, layout: Layout, codec: Plain) -> Message:
+    return Message(decode_header(attachment, layout), decode_body(body, layout, codec))
 
 
 def header(**changes: object) -> bytes:

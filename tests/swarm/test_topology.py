@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from swarm.errors import ConfigError
 from swarm.topology import (
+    Kind,
     Topology,
     check,
     graph,
@@ -16,7 +17,9 @@ from swarm.topology import (
     weight_matrix,
 )
 
-KINDS = ["ring", "path", "grid", "complete", "star", "exponential", "random-geometric"]
+KINDS: list[Kind] = [
+    "ring", "path", "grid", "complete", "star", "exponential", "random-geometric",
+]  # fmt: skip
 
 
 def members(n: int) -> tuple[str, ...]:
@@ -24,7 +27,9 @@ def members(n: int) -> tuple[str, ...]:
 
 
 @given(st.sampled_from(KINDS), st.integers(1, 20), st.integers(0, 3))
-def test_weights_are_symmetric_doubly_stochastic_and_positive(kind: str, n: int, seed: int) -> None:
+def test_weights_are_symmetric_doubly_stochastic_and_positive(
+    kind: Kind, n: int, seed: int
+) -> None:
     topology = Topology(kind=kind, radius=0.6, seed=seed)
     W = weight_matrix(graph(topology, members(n)), members(n))
     assert np.array_equal(W, W.T)
@@ -34,7 +39,7 @@ def test_weights_are_symmetric_doubly_stochastic_and_positive(kind: str, n: int,
 
 
 @given(st.sampled_from(KINDS), st.integers(2, 12))
-def test_every_agent_computes_its_row_of_w_by_itself(kind: str, n: int) -> None:
+def test_every_agent_computes_its_row_of_w_by_itself(kind: Kind, n: int) -> None:
     topology, ids = Topology(kind=kind, radius=0.6), members(n)
     W = weight_matrix(graph(topology, ids), ids)
     degree = {m: len(neighbours(topology, ids, m)) for m in ids}

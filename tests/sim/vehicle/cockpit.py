@@ -55,7 +55,8 @@ class Cockpit:
         self, mask: int, *, frame: int = 1, p: tuple[float, ...] = (0, 0, 0),
         v: tuple[float, ...] = (0, 0, 0), yaw: float = 0.0, rate: float = 0.0, target: int = 1,
     ) -> None:  # fmt: skip
-        self.tell(SetPointMessage(0, *p, *v, 0, 0, 0, yaw, rate, mask, target, 1, frame))
+        fields = (0, *p, *v, 0, 0, 0, yaw, rate, mask, target, 1, frame)
+        self.tell(SetPointMessage._make(fields))
 
     def stream(self, seconds: float, mask: int, **fields: Any) -> None:
         """Set points at 10 Hz for a while."""

@@ -41,7 +41,9 @@ def test_what_is_written_is_read(message: mavlink.MAVLink_message) -> None:
 
 def test_mavlink_1_is_understood() -> None:
     frame = OTHERS[4].pack(mavlink.MAVLink(None, 3, 1), force_mavlink1=True)
-    assert Codec(2, 1).decode(frame).autopilot == 12
+    message = Codec(2, 1).decode(frame)
+    assert message is not None
+    assert message.autopilot == 12
 
 
 def test_signing() -> None:

@@ -3,6 +3,7 @@
 import random
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, given, settings
@@ -66,8 +67,9 @@ COMMANDS = [400, 22, 21, 20, 176, 192, 178, 115, 300, 193, 179, 31010, 511, 512]
 def orders(rng: random.Random, target: int) -> Message:
     """What would move it, if it were meant for it."""
     if rng.random() < 0.5:
-        values = [rng.uniform(-5, 5) for _ in range(11)]
-        return SetPointMessage(0, *values, rng.choice([2503, 2552, 1479, 0]), target, 1, 1)
+        values: list[Any] = [rng.uniform(-5, 5) for _ in range(11)]
+        values += [rng.choice([2503, 2552, 1479, 0]), target, 1, 1]
+        return SetPointMessage._make([0, *values])
     params = [rng.choice([0, 1, 4, 6, 21196, *ODD]) for _ in range(7)]
     return mavlink.MAVLink_command_long_message(target, 1, rng.choice(COMMANDS), 0, *params)
 

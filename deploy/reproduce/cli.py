@@ -1,0 +1,84 @@
+"""``swarm reproduce``: one command a study."""
+
+from collections.abc import Iterable
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from deploy.reproduce.claims import Options, Study, publish
+from swarm.errors import SwarmError
+
+app = typer.Typer(
+    help="Print the paper's theory and grid worlds again, and what lies beyond the paper.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+SEEDS = 20
+RESULTS = Path("runs/reproduce")
+STUDIES = {  # name -> module with a function `study`, and what it is about
+    "examples": "The two-task chain: no deterministic optimum, three stationary points, the trap.",
+    "theorem1": "Convergence to a stationary point; consensus bound; Lyapunov function.",
+    "theorem2": "Shared transitions: convergence to the global optimum.",
+    "gridworld": "Grid worlds (a) to (e), single agents, the picture of Fig. 2.",
+    "rules": "Mixing rules on a ring of 64 agents, and 1024 agents.",
+    "faults": "Message loss by mixing rule and policy; delay; partition.",
+    "compression": "Halves and bytes on the wire instead of float32.",
+    "learning": "Start-state mixing repairs (d); A2C and PPO.",
+    "verify": "The simulator against real processes over Zenoh, bit for bit.",
+}
+
+Seeds = Annotated[int, typer.Option(min=1, help="Independent repetitions.")]
+Quick = Annotated[bool, typer.Option("--quick", help="Shorter and coarser: a minute for all.")]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="Where to write; one folder a study.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_json: bool) -> None:
+    """Run studies one after the other; exit code 1 if a claim does not hold.
+
+    Raises:
+        SwarmError: matplotlib is missing.
+    """
+    if find_spec("matplotlib") is None:
+        raise SwarmError(
+            'figures need matplotlib, which is not installed: pip install "dcpg-swarm[figures]"'
+        )
+    errors, console = Console(stderr=True), Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 120
+    good = True
+    for name in names:
+        study: Study = import_module(f"deploy.reproduce.{name}").study
+        with errors.status(name) as status:
+
+            def say(text: str, name: str = name) -> None:
+                status.update(f"{name}: {text}")
+
+            options = Options(out / name, seeds, quick, say)
+            good &= publish(name, study, options, as_json, console)
+    raise typer.Exit(0 if good else 1)
+
+
+def _command(name: str, about: str) -> None:
+    @app.command(name, help=about, short_help=about)
+    def command(
+        seeds: Seeds = SEEDS, quick: Quick = False, out: Out = RESULTS, json: AsJson = False
+    ) -> None:
+        run_studies([name], seeds, quick, out, json)
+
+
+for _name, _about in STUDIES.items():
+    _command(_name, _about)
+
+
+@app.command("all")
+def run_all(
+    seeds: Seeds = SEEDS, quick: Quick = False, out: Out = RESULTS, json: AsJson = False
+) -> None:
+    """All of them."""
+    run_studies(STUDIES, seeds, quick, out, json)

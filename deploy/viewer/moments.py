@@ -1,0 +1,166 @@
+"""A swarm at one moment, wherever it is watched from, and what changed since the one before.
+
+Live, a moment is what was heard last of every agent that is here; in a run folder it is a round.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Literal, Self
+
+import numpy as np
+
+from agent.config import SwarmFile
+from agent.runfolder import RunFolder
+from swarm.consensus import sketch_errors
+from swarm.telemetry import RoundReport
+from swarm.topology import graph
+
+MOMENTS = 2000  # most moments of a run folder that are shown
+
+Edge = tuple[str, str]  # two agents, sorted
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """Who is here and what they said last.
+
+    Attributes:
+        round: newest round that anybody reported; -1 before the first.
+        time: when [Unix s].
+        present: agents that are here.
+        reports: newest report of each of them that has made one.
+    """
+
+    round: int = -1
+    time: float = 0.0
+    present: frozenset[str] = frozenset()
+    reports: Mapping[str, RoundReport] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, reports: Iterable[RoundReport]) -> Self:
+        """The moment at which these agents, and nobody else, made their reports."""
+        by_agent = {report.agent: report for report in reports}
+        return cls(
+            max(report.round for report in by_agent.values()),
+            max(report.time for report in by_agent.values()),
+            frozenset(by_agent),
+            by_agent,
+        )
+
+    def then(self, arrived: Iterable[RoundReport], present: Iterable[str], time: float) -> "Moment":
+        """The moment after this one; whose report has arrived was here, even if it has left since.
+
+        Args:
+            arrived: reports since, in order.
+            present: who is here now.
+            time: now [Unix s].
+        """
+        fresh = {report.agent: report for report in arrived}
+        here = frozenset(present) | fresh.keys()
+        reports = {agent: r for agent, r in {**self.reports, **fresh}.items() if agent in here}
+        round_ = max((report.round for report in reports.values()), default=self.round)
+        return Moment(round_, time, here, reports)
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """The communication graph as it was used.
+
+    Attributes:
+        used: edges whose ends mixed each other's parameters.
+        missing: edges that did not, though the topology or an end of them had reckoned with it.
+    """
+
+    used: tuple[Edge, ...] = ()
+    missing: tuple[Edge, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A line of the log."""
+
+    level: Literal["INFO", "WARN"]
+    text: str
+
+
+def links(config: SwarmFile, moment: Moment) -> Links:
+    """Which edges carried parameters.
+
+    When an agent is not here the edges of the full topology at it are missing; the others close
+    ranks over the topology of those that are here.
+    """
+    members = set(config.members)
+    planned = {_edge(*ends) for ends in graph(config.topology, config.members).edges}
+    missing = {edge for edge in planned if not moment.present.issuperset(edge)}
+    reports = moment.reports.values()
+    missing |= {_edge(report.agent, other) for report in reports for other in report.missing}
+    heard = {_edge(report.agent, other) for report in reports for other in report.weights}
+    used, lost = (
+        tuple(sorted(edge for edge in edges if members.issuperset(edge)))
+        for edges in (heard - missing, missing)
+    )
+    return Links(used, lost)
+
+
+def errors(moment: Moment) -> dict[str, float]:
+    """Each agent's distance from the mean of all; empty unless all their reports have sketches."""
+    sketches = {agent: report.sketch for agent, report in moment.reports.items()}
+    return sketch_errors(sketches) if all(sketches.values()) else {}
+
+
+def events(before: Moment, now: Moment, rounds: int) -> list[Event]:
+    """What is worth a line; ``rounds`` is how many the swarm plays."""
+    lines = [Event("INFO", f"{agent} joined") for agent in sorted(now.present - before.present)]
+    for agent in sorted(before.present - now.present):
+        last = before.reports[agent].round if agent in before.reports else None
+        if last is None:
+            lines.append(Event("WARN", f"{agent} left before its first report"))
+        elif last + 1 >= rounds:
+            lines.append(Event("INFO", f"{agent} finished"))
+        else:
+            lines.append(Event("WARN", f"{agent} left after round {last}"))
+    for agent in sorted(now.reports):
+        earlier, report = before.reports.get(agent), now.reports[agent]
+        was, missing = set(earlier.missing if earlier else ()), set(report.missing)
+        lines += [Event("WARN", f"{agent} mixed without {who}") for who in sorted(missing - was)]
+        back = sorted(was.intersection(report.weights))
+        lines += [Event("INFO", f"{agent} mixed with {who} again") for who in back]
+    return lines
+
+
+def history(folder: RunFolder, config: SwarmFile) -> list[Moment]:
+    """The rounds of a run folder, at most :data:`MOMENTS` of them."""
+    rounds: dict[int, list[RoundReport]] = {}
+    for agent in config.members:
+        for report in folder.reports(agent):
+            rounds.setdefault(report.round, []).append(report)
+    return thin([Moment.of(rounds[round_]) for round_ in sorted(rounds)], MOMENTS)
+
+
+def thin(moments: Sequence[Moment], limit: int) -> list[Moment]:
+    """At most ``limit`` moments: evenly spread, but first those with more to tell than numbers."""
+    if len(moments) <= limit:
+        return list(moments)
+    telling = _spread([i for i, p in enumerate(pairwise(moments), 1) if _tells(*p)], limit // 2)
+    even = _spread(range(len(moments)), limit - len(telling))
+    return [moments[i] for i in sorted({*telling, *even})]
+
+
+def _tells(before: Moment, now: Moment) -> bool:
+    """Whether there are sketches, or others are here or missing than before."""
+    return now.present != before.present or any(
+        report.sketch or report.missing != before.reports[agent].missing
+        for agent, report in now.reports.items()
+    )
+
+
+def _spread(places: Sequence[int], count: int) -> list[int]:
+    """At most ``count`` of ``places``, evenly, with the first and the last."""
+    if len(places) <= count:
+        return list(places)
+    return [places[i] for i in np.linspace(0, len(places) - 1, count).astype(int)]
+
+
+def _edge(a: str, b: str) -> Edge:
+    return (a, b) if a < b else (b, a)

@@ -1,0 +1,8 @@
+"""``make bench``: every part of the house measures itself; the parts stand beside this file."""
+
+from importlib import import_module
+
+PARTS = ("indoor",)
+
+for part in PARTS:
+    import_module(f"tests.bench.{part}").main()

@@ -1,0 +1,114 @@
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from deploy import cli
+from deploy.reproduce import cli as reproduce
+from deploy.reproduce import examples
+from deploy.reproduce.claims import Claim, Findings, Options, at_most, bounded, close, markdown
+from swarm.errors import SwarmError
+
+ROOT = Path(__file__).parents[3]
+GAMMAS = (0.3, math.sqrt(0.5), 0.9, 0.99)
+
+
+@pytest.mark.parametrize("gamma", GAMMAS)
+def test_example_1(gamma: float) -> None:
+    models = examples.both(modified=False, gamma=gamma)
+    best = examples.maximise(lambda x: examples.value(models, x, (1.0, 0.0)))
+    assert best == pytest.approx(0.5, abs=1e-6)
+    assert examples.value(models, 0.5, (1.0, 0.0)) == pytest.approx(
+        2 * gamma / (2 - gamma**2), abs=1e-9
+    )
+    for pure in (0.0, 1.0):
+        assert examples.value(models, pure, (1.0, 0.0)) == pytest.approx(gamma, abs=1e-9)
+
+
+@pytest.mark.parametrize("p", [0.51, 0.75, 1.0])
+@pytest.mark.parametrize("gamma", GAMMAS)
+def test_example_2(gamma: float, p: float) -> None:
+    models = examples.both(modified=True, p=p, gamma=gamma)
+    for pure in (0.0, 1.0):
+        found = examples.value(models, pure)
+        assert found == pytest.approx(examples.pure_value(p, gamma), abs=1e-9)
+    assert examples.value(models, 0.5) == pytest.approx(examples.even_value(p, gamma), abs=1e-9)
+    assert examples.slope(models, 0.5) == pytest.approx(0, abs=1e-9)
+    xs = np.linspace(0, 1, 11)
+    slopes = np.array([examples.slope(models, x) for x in xs])
+    assert (slopes[:5] < 0).all()
+    assert (slopes[6:] > 0).all()
+    middle = (examples.value(models, 0.3 + 1e-6) - examples.value(models, 0.3 - 1e-6)) / 2e-6
+    assert examples.slope(models, 0.3) == pytest.approx(middle, abs=1e-6)
+
+
+@pytest.mark.parametrize("p", [0.6, 0.75, 0.9])
+def test_corrected_numbers_of_the_appendix(p: float) -> None:
+    gamma = math.sqrt(0.5)
+    pure = math.sqrt(2) * (2 * p - 1) / ((p - 2) * (p + 1))
+    assert examples.pure_value(p, gamma) == pytest.approx(pure, abs=1e-12)
+    even = 2 * math.sqrt(2) * (1 - 2 * p) / 3
+    assert examples.even_value(p, gamma) == pytest.approx(even, abs=1e-12)
+
+
+def test_claims_judge() -> None:
+    assert close("x", 1.0, 2.0, 2.0 + 1e-10, 1e-9).holds
+    assert not close("x", 2.0, 1.0, 2.0, 1e-9).holds
+    assert bounded("x", 0.5, 0.4, 0.6).holds
+    assert not bounded("x", 0.5, low=0.6).holds
+    assert not bounded("x", 0.5, high=0.4).holds
+    assert bounded("x", 0.5).holds
+    assert at_most("x", 1e-3, 1.0).holds
+    assert not at_most("x", float("nan"), 1.0).holds
+
+
+def test_markdown_has_a_line_for_each_claim() -> None:
+    claim = Claim("what | where", "1", "2", "2", holds=True)
+    page = markdown(Findings("Title", [claim], ["note"], {}, [Path("a/b.png")]), {"seeds": 1})
+    assert "| what \\| where | 1 | 2 | 2 | ✔ |" in page
+    assert "![b](b.png)" in page
+
+
+def test_a_study_from_the_command_line(tmp_path: Path) -> None:
+    arguments = ["reproduce", "examples", "--quick", "--out", str(tmp_path)]
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code == 0, done.output
+    written = tmp_path / "examples"
+    assert sorted(file.name for file in written.iterdir()) == [
+        "examples.json", "examples.md", "examples.png",
+    ]  # fmt: skip
+    record = json.loads((written / "examples.json").read_text())
+    assert all(claim["holds"] for claim in record["claims"])
+    assert {"seeds", "commit", "machine", "seconds"} <= record["made"].keys()
+
+
+def test_a_claim_that_does_not_hold_is_exit_code_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def wrong(options: Options) -> Findings:
+        return Findings("Wrong", [bounded("x", 1.0, high=0.5)], [], {}, [])
+
+    monkeypatch.setattr(examples, "study", wrong)
+    arguments = ["reproduce", "examples", "--json", "--out", str(tmp_path)]
+    done = CliRunner().invoke(cli.app, arguments)
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["claims"][0]["holds"] is False
+
+
+def test_without_matplotlib_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reproduce, "find_spec", lambda name: None)
+    with pytest.raises(SwarmError, match=r"pip install \"dcpg-swarm\[figures\]\""):
+        reproduce.run_studies(["examples"], 1, True, tmp_path, False)
+
+
+def test_every_study_has_kept_its_results() -> None:
+    for name in reproduce.STUDIES:
+        record = json.loads((ROOT / "deploy" / "results" / f"{name}.json").read_text())
+        assert all(claim["holds"] for claim in record["claims"]), name
+        assert not record["made"]["quick"]
+    assert (ROOT / "deploy" / "results" / "fig2.png").stat().st_size < 300_000

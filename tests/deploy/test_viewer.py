@@ -1,0 +1,390 @@
+"""The viewer: pure moments and rows, and recordings read back with Rerun's own reader."""
+
+import threading
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from agent.config import AgentEntry, SwarmFile, Task, load
+from agent.estimators import Exact
+from agent.runfolder import RunFolder
+from deploy.local import with_free_ports
+from deploy.status import Target
+from deploy.viewer import record_run, session, view
+from deploy.viewer.drawing import Scene
+from deploy.viewer.moments import Event, Links, Moment, errors, events, history, links, thin
+from deploy.viewer.recorder import Recorder
+from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, world_of
+from swarm.errors import ConfigError, NetworkError, SwarmError
+from swarm.keys import Keys
+from swarm.roster import Roster
+from swarm.session import open_session
+from swarm.telemetry import RoundReport, TelemetryPublisher
+
+GRID = Task("sim:GridWorld-v0", {"layout": "a", "task": 0})
+RING = SwarmFile(
+    name="test",
+    rounds=100,
+    estimator=Exact(),
+    agents=tuple(AgentEntry(f"drone{i}", GRID) for i in range(4)),
+)
+ROUTE = (0, 1, 11)
+
+
+@pytest.fixture(autouse=True)
+def _strict() -> Iterator[None]:
+    """Let Rerun raise what it would only warn of."""
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def report(agent: int, round_: int, **changes: object) -> RoundReport:
+    """What drone ``agent`` of the ring says when nothing is wrong."""
+    whole = RoundReport(
+        agent=f"drone{agent}",
+        round=round_,
+        time=1000.0 + round_,
+        seconds=0.01,
+        waited=0.0,
+        value=agent + round_ / 100,
+        episodes=10,
+        steps=100,
+        gradient_norm=1.0,
+        disagreement=0.5,
+        weights={f"drone{(agent - 1) % 4}": 0.25, f"drone{(agent + 1) % 4}": 0.25},
+    )
+    return msgspec.structs.replace(whole, **changes)
+
+
+def ring(round_: int, *agents: int, **changes: object) -> Moment:
+    """A round of these agents, by default of all four."""
+    return Moment.of(report(a, round_, **changes) for a in agents or range(4))
+
+
+def folder_of(moments: list[Moment], path: Path, config: SwarmFile = RING) -> RunFolder:
+    """A run folder that holds these rounds."""
+    folder = RunFolder(path)
+    folder.write_config(config)
+    for agent in config.members:
+        folder.prepare(agent)
+        reports = [m.reports[agent] for m in moments if agent in m.reports]
+        folder.metrics(agent).write_bytes(b"\n".join(map(msgspec.json.encode, reports)) + b"\n")
+    return folder
+
+
+def columns(path: Path, entity: str, component: str) -> tuple[list[int], list[Any]]:
+    """Rounds and values of a component, in the recording's order; times must be there too."""
+    rounds: list[int] = []
+    values: list[Any] = []
+    for chunk in RrdReader(path).stream():
+        batch = None if chunk.is_static else chunk.to_record_batch()
+        if chunk.entity_path == entity and batch is not None:
+            assert set(chunk.timeline_names) == {"round", "time"}
+            rounds += batch.column("round").to_pylist()
+            values += batch.column(component).to_pylist()
+    return rounds, values
+
+
+def scalars(path: Path, entity: str) -> tuple[list[int], list[float]]:
+    """Rounds and values of a time series."""
+    rounds, values = columns(path, entity, "Scalars:scalars")
+    return rounds, [value for (value,) in values]
+
+
+# -- moments ---------------------------------------------------------------------------------------
+
+
+def test_a_whole_ring_uses_its_edges_and_misses_none() -> None:
+    used = (("drone0", "drone1"), ("drone0", "drone3"), ("drone1", "drone2"), ("drone2", "drone3"))
+    assert links(RING, ring(0)) == Links(used, ())
+
+
+def test_an_edge_is_missing_when_one_end_went_without_or_is_not_here() -> None:
+    lossy = report(0, 5, weights={"drone3": 0.25}, missing=("drone1",))
+    found = links(RING, Moment.of([lossy, *ring(5, 1, 2, 3).reports.values()]))
+    assert found.missing == (("drone0", "drone1"),)
+    assert ("drone0", "drone1") not in found.used  # though drone1 did mix drone0's
+
+    gap = [
+        report(0, 6),
+        report(1, 6, weights={"drone0": 0.25, "drone3": 0.25}),
+        report(3, 6, weights={"drone0": 0.25, "drone1": 0.25}),
+    ]
+    closed = links(RING, Moment.of(gap))
+    assert closed.missing == (("drone1", "drone2"), ("drone2", "drone3"))
+    assert closed.used == (("drone0", "drone1"), ("drone0", "drone3"), ("drone1", "drone3"))
+
+
+def test_strangers_are_not_drawn() -> None:
+    assert links(RING, ring(0, weights={"stranger": 0.5}, missing=("another",))) == Links()
+
+
+def test_consensus_error_by_hand_and_only_of_sketches_that_belong_together() -> None:
+    two = [report(0, 3, sketch=(3.0, 0.0)), report(1, 3, sketch=(-3.0, 8.0))]
+    assert errors(Moment.of(two)) == {"drone0": 5.0, "drone1": 5.0}
+    assert errors(Moment.of([two[0], report(1, 3)])) == {}
+    assert errors(ring(3)) == errors(Moment()) == {}
+
+
+def test_events_tell_who_joined_left_finished_and_went_without_whom() -> None:
+    lossy = Moment.of([report(0, 41, missing=("drone1",), weights={}), report(1, 41)])
+    assert events(Moment(), ring(40, 0, 1), 100) == [
+        Event("INFO", "drone0 joined"),
+        Event("INFO", "drone1 joined"),
+    ]
+    assert events(ring(40, 0, 1), lossy, 100) == [Event("WARN", "drone0 mixed without drone1")]
+    assert events(lossy, ring(42, 0, 1), 100) == [Event("INFO", "drone0 mixed with drone1 again")]
+    assert events(ring(42, 0, 1), ring(43, 0), 100) == [Event("WARN", "drone1 left after round 42")]
+    assert events(ring(99, 0, 1), Moment(), 100)[0] == Event("INFO", "drone0 finished")
+    silent = Moment(present=frozenset({"drone2"}))
+    assert events(silent, Moment(), 100) == [Event("WARN", "drone2 left before its first report")]
+
+
+def test_a_moment_follows_from_what_arrives_and_who_is_here() -> None:
+    first = Moment().then([report(0, 7), report(0, 8)], {"drone0", "drone1"}, 5.0)
+    assert (first.round, first.time, set(first.reports)) == (8, 5.0, {"drone0"})
+    parting = first.then([report(1, 9)], {"drone0"}, 6.0)  # the last report of one that has left
+    assert parting.present == {"drone0", "drone1"}
+    last = parting.then([], set(), 7.0)
+    assert (last.present, last.reports, last.round) == (frozenset(), {}, 9)
+
+
+def test_thinning_keeps_the_ends_the_sketches_and_the_faults() -> None:
+    moments = [ring(k, sketch=(1.0,) if k % 100 == 0 else ()) for k in range(20_000)]
+    moments[12_345] = ring(12_345, missing=("drone1",))
+    kept = thin(moments, 2000)
+    rounds = [moment.round for moment in kept]
+    assert 1800 <= len(kept) <= 2000
+    assert {0, 12_345, 19_999, *range(0, 20_000, 100)} <= set(rounds)
+    assert max(b - a for a, b in pairwise(rounds)) <= 20
+    assert thin(moments[:50], 50) == moments[:50]
+
+
+# -- worlds and rows -------------------------------------------------------------------------------
+
+
+def test_a_grid_world_is_drawn_as_its_cells() -> None:
+    world = world_of(GRID)
+    assert world is not None
+    cells = world.cells
+    assert cells.shape == (10, 10)
+    assert (cells[0, 0], cells[8, 2], cells[1, 8], cells[5, 5]) == (START, GOAL, OBSTACLE, FREE)
+    assert world.centres(ROUTE).tolist() == [[0.5, 0.5], [1.5, 0.5], [1.5, 1.5]]
+
+
+def test_a_chain_is_a_row_and_an_unknown_world_is_left_out() -> None:
+    chain = world_of(Task("sim:Chain-v0", {"task": 1}))
+    assert chain is not None
+    assert chain.cells.tolist() == [[GOAL, FREE, START, FREE, OBSTACLE]]
+    assert world_of(Task("CartPole-v1")) is None
+    assert world_of(Task("not_installed:World-v0")) is None
+
+
+def test_only_what_is_new_makes_rows() -> None:
+    scene, now = Scene.of(RING), ring(3, sketch=(1.0,), route=ROUTE)
+    paths = {row.path for row in scene.rows(Moment(), now)}
+    assert {"return/drone0", "worlds/drone3/path", "consensus_error/drone1", "graph"} <= paths
+    assert list(scene.rows(now, now.then([], now.present, 9.0))) == []
+
+
+def test_a_missing_edge_is_broken_by_a_node_in_its_middle() -> None:
+    scene = Scene.of(RING)
+    nodes, edges = scene.network(frozenset({"drone0"}), Links((), (("drone0", "drone2"),)))
+    middle = nodes[-1]
+    np.testing.assert_allclose(middle.place, (0, 0), atol=1e-4)  # across the circle
+    assert edges == [("drone0", middle.name), (middle.name, "drone2")]
+    assert nodes[0].colour != nodes[1].colour == nodes[2].colour  # here; not here
+
+
+# -- recordings ------------------------------------------------------------------------------------
+
+
+def test_a_run_folder_becomes_a_whole_recording(tmp_path: Path) -> None:
+    moments = [ring(k, *([0, 1, 3] if 20 <= k < 30 else [])) for k in range(100)]
+    for k in range(0, 100, 10):
+        sketched = [
+            msgspec.structs.replace(r, sketch=(float(r.agent[-1]),), route=ROUTE)
+            for r in moments[k].reports.values()
+        ]
+        moments[k] = Moment.of(sketched)
+    path = tmp_path / "recording.rrd"
+    record_run(folder_of(moments, tmp_path / "run"), RING, path)
+
+    rounds, values = scalars(path, "/return/drone1")
+    assert rounds == list(range(100))
+    assert values == [1 + k / 100 for k in range(100)]
+    assert scalars(path, "/return/drone2")[0] == [*range(20), *range(30, 100)]
+    assert scalars(path, "/disagreement/drone0")[1] == [0.5] * 100
+    rounds, values = scalars(path, "/consensus_error/drone0")
+    assert rounds == list(range(0, 100, 10))
+    np.testing.assert_allclose(values, [1.5, 1.5, 4 / 3, *[1.5] * 7])  # mean of 0 1 (2) 3
+    rounds, strips = columns(path, "/worlds/drone0/path", "LineStrips2D:strips")
+    assert rounds == list(range(0, 100, 10))
+    assert strips[0] == [[[0.5, 0.5], [1.5, 0.5], [1.5, 1.5]]]
+    rounds, texts = columns(path, "/events", "TextLog:text")
+    assert rounds == [0, 0, 0, 0, 20, 30]
+    assert texts[4:] == [["drone2 left after round 19"], ["drone2 joined"]]
+    rounds, nodes = columns(path, "/graph", "GraphNodes:node_ids")
+    assert rounds == [0, 20, 30]
+    assert [len(row) for row in nodes] == [4, 6, 4]
+
+    views = {
+        chunk.to_record_batch().column("ViewBlueprint:space_origin").to_pylist()[0][0]
+        for chunk in RrdReader(path).stream(store=RrdReader(path).blueprints()[0])
+        if "ViewBlueprint:space_origin" in chunk.to_record_batch().schema.names
+    }
+    worlds = {f"/worlds/drone{i}" for i in range(4)}
+    assert {v if v.startswith("/") else f"/{v}" for v in views} == worlds | {
+        "/graph",
+        "/events",
+        "/return",
+        "/consensus_error",
+        "/disagreement",
+    }
+
+
+def test_a_recording_is_bounded(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    folder = folder_of([ring(k) for k in range(3000)], tmp_path / "run")
+    assert len(history(folder, RING)) == 2000
+    record_run(folder, RING, path)
+    assert len(scalars(path, "/return/drone0")[0]) == 2000
+    assert path.stat().st_size < 2e6
+
+
+def test_moments_may_come_one_by_one_or_all_at_once(tmp_path: Path) -> None:
+    moments = [ring(k, sketch=(k / 3.0,), route=ROUTE) for k in range(6)]
+    read = []
+    for size in (1, 6):
+        path = tmp_path / f"{size}.rrd"
+        with rr.RecordingStream("test") as stream:
+            stream.save(path)
+            recorder = Recorder(stream, Scene.of(RING))
+            for begin in range(0, 6, size):
+                recorder.take(moments[begin : begin + size])
+        ends = columns(path, "/worlds/drone2/drone", "Points2D:positions")
+        log = columns(path, "/events", "TextLog:text")
+        read.append((scalars(path, "/consensus_error/drone2"), ends, log))
+    assert read[0] == read[1]
+
+
+def test_a_swarm_of_worlds_unknown_shows_everything_else(tmp_path: Path) -> None:
+    agents = tuple(AgentEntry(f"drone{i}", Task("CartPole-v1")) for i in range(4))
+    config, path = msgspec.structs.replace(RING, agents=agents), tmp_path / "recording.rrd"
+    record_run(folder_of([ring(0, route=ROUTE)], tmp_path / "run", config), config, path)
+    entities = {chunk.entity_path for chunk in RrdReader(path).stream()}
+    assert {"/return/drone0", "/graph", "/events"} <= entities
+    assert not any(entity.startswith("/worlds") for entity in entities)
+
+
+def test_an_agent_alone_has_a_graph_without_edges(tmp_path: Path) -> None:
+    config = msgspec.structs.replace(RING, agents=RING.agents[:1])
+    alone, path = ring(0, 0, weights={}), tmp_path / "recording.rrd"
+    record_run(folder_of([alone], tmp_path / "run", config), config, path)
+    assert columns(path, "/graph", "GraphNodes:node_ids") == ([0], [["drone0"]])
+    assert columns(path, "/graph", "GraphEdges:edges") == ([0], [[]])
+
+
+def test_an_empty_run_is_an_empty_recording(tmp_path: Path) -> None:
+    path = tmp_path / "recording.rrd"
+    record_run(folder_of([], tmp_path / "run"), RING, path)
+    assert columns(path, "/events", "TextLog:text") == ([], [])
+
+
+# -- view ------------------------------------------------------------------------------------------
+
+
+def test_without_a_display_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(SwarmError, match=r"needs a display.*--save FILE\.rrd"):
+        view(Target(RING, None), None, None)
+
+
+def test_a_viewer_that_does_not_start_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**options: object) -> None:
+        raise RuntimeError("no window")
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(rr, "spawn", fail)
+    monkeypatch.setattr(session, "_watch", lambda config, save: False)
+    with pytest.raises(SwarmError, match=r"--save FILE\.rrd \(no window\)"):
+        view(Target(RING, RunFolder(Path("none"))), None, None)
+
+
+def test_closing_the_viewer_ends_the_session(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(timeout_sec: float) -> None:
+        raise RuntimeError("severed")
+
+    def spawn(stream: rr.RecordingStream, scene: Scene) -> None:
+        stream.save(tmp_path / "instead.rrd")
+        monkeypatch.setattr(stream, "flush", broken)
+        monkeypatch.setattr(stream, "disconnect", lambda: monkeypatch.delattr(stream, "flush"))
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(session, "_spawn", spawn)
+    view(Target(RING, folder_of([ring(0)], tmp_path / "run")), None, False)
+    assert capsys.readouterr().out == "the viewer was closed\n"
+
+
+def test_with_nobody_there_it_shows_the_folder_if_it_may(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(session, "_watch", lambda config, save: False)
+    folder, path = folder_of([ring(0)], tmp_path / "run"), tmp_path / "seen.rrd"
+    view(Target(RING, folder), path, None)
+    assert scalars(path, "/return/drone3") == ([0], [3.0])
+    assert f"recording: {path} (0." in capsys.readouterr().out
+    with pytest.raises(NetworkError, match="nobody of swarm"):
+        view(Target(RING, folder), path, True)
+    with pytest.raises(NetworkError, match="nobody of swarm"):
+        view(Target(RING, None), path, None)
+
+
+def test_a_users_mistakes_are_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="--no-live"):
+        view(Target(RING, None), tmp_path / "seen.rrd", False)
+    folder = folder_of([ring(0)], tmp_path / "run")
+    with pytest.raises(ConfigError, match="cannot be written: No such file"):
+        view(Target(RING, folder), tmp_path / "nowhere" / "seen.rrd", False)
+
+
+@pytest.mark.integration
+def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
+    base = load(Path("deploy/swarms/gridworld-a.toml"))
+    config = with_free_ports(msgspec.structs.replace(base, rounds=100, name="watched"))
+    keys = Keys(config.name)
+
+    def agent() -> None:
+        """Announces drone0, waits for a watcher, reports the last round and is gone."""
+        watched = threading.Event()
+        with (
+            open_session(
+                config.network, config.party("drone0"), [config.endpoint("drone0")], ()
+            ) as zenoh,
+            Roster(zenoh, keys) as roster,
+            TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
+        ):
+            telemetry._publisher.declare_matching_listener(lambda status: watched.set())
+            roster.announce("drone0", "1")
+            assert watched.wait(20)
+            telemetry.put(report(0, 99, sketch=(1.0,)), always=True)
+
+    path, thread = tmp_path / "live.rrd", threading.Thread(target=agent)
+    thread.start()
+    view(Target(config, None), path, None)
+    thread.join()
+    assert scalars(path, "/return/drone0") == ([99], [0.99])
+    _, texts = columns(path, "/events", "TextLog:text")
+    assert texts == [["drone0 joined"], ["drone0 finished"]]
