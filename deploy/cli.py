@@ -165,6 +165,63 @@ def view(
 
 
 @app.command()
+def vehicle(
+    port: Annotated[
+        int, typer.Option(help="UDP: companions listen here, we on port + 40; TCP: we do.")
+    ] = 14540,
+    sysid: Annotated[int, typer.Option(help="MAVLink system id.")] = 1,
+    flavour: Annotated[str, typer.Option(help="Whose behaviour: px4 or ardupilot.")] = "px4",
+    speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
+    lockstep: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Advance by this much, only when told."),
+    ] = None,
+    tcp: Annotated[bool, typer.Option("--tcp", help="Listen on TCP instead of UDP.")] = False,
+    host: Annotated[str, typer.Option(help="Send there; not 127.0.0.1: listen everywhere.")] = (
+        "127.0.0.1"
+    ),
+    ground_port: Annotated[
+        int, typer.Option(help="UDP: a ground station listens here; 0: none.")
+    ] = 14550,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Sign messages; believe only signed ones."),
+    ] = None,
+    wind: Annotated[
+        str | None, typer.Option(metavar="N,E[,GUSTS]", help="Wind [m/s], north and east.")
+    ] = None,
+    noise: Annotated[bool, typer.Option("--noise", help="Imperfect sensors.")] = False,
+    seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
+) -> None:
+    """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
+    from deploy.vehicle import NOISY, fly, read_key, read_wind  # noqa: PLC0415
+    from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
+    from sim.vehicle.quadrotor import Noise, Weather  # noqa: PLC0415
+    from sim.vehicle.server import Options  # noqa: PLC0415
+
+    if flavour not in FLAVOURS:
+        raise ConfigError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')
+    try:
+        options = Options(
+            port=port,
+            system=sysid,
+            flavour=FLAVOURS[flavour],
+            speed=speed,
+            lockstep=lockstep,
+            tcp=tcp,
+            host=host,
+            ground_port=ground_port or None,
+            key=read_key(signing_key) if signing_key is not None else None,
+            weather=read_wind(wind) if wind is not None else Weather(),
+            noise=NOISY if noise else Noise(),
+            seed=seed,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    fly(options, _stop_on_signals())
+
+
+@app.command()
 def doctor(
     target: Annotated[
         Path | None,

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[2]
 FILE = ROOT / "deploy" / "swarms" / "gridworld-a.toml"
 COMMANDS = [
     "up", "agent", "status", "view", "topology", "reproduce", "doctor", "certs", "worlds", "fly",
+    "vehicle",
 ]  # fmt: skip
 
 
