@@ -101,7 +101,7 @@ def run_agent(
         exchange = resources.enter_context(
             Exchange(
                 session, keys, (agent, incarnation), config.members, layout, mixer.codec,
-                config.timing, roster,
+                config.timing, roster, waits=config.pace == "sync",
             )
         )  # fmt: skip
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))

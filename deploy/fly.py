@@ -176,6 +176,7 @@ def make_pilot(name: str, seed: int, flights: int) -> Pilot:
 def measure(scene: str, pilot: str, flights: int, seed: int) -> Result:
     """Fly, and measure the distances; the same seed gives the same numbers."""
     count = min(PARALLEL, flights)
+    hand = make_pilot(pilot, seed, count)
     quota = np.full(count, flights // count) + (np.arange(count) < flights % count)
     envs: Any = gymnasium.make_vec(
         "sim:IndoorFlight-v0",
@@ -184,7 +185,6 @@ def measure(scene: str, pilot: str, flights: int, seed: int) -> Result:
         max_steps=MAX_STEPS,
         vectorization_mode="vector_entry_point",
     )
-    hand = make_pilot(pilot, seed, count)
     distances: list[float] = []
     capped = 0
     envs.reset(seed=seed)

@@ -7,6 +7,7 @@ it but their first breath, and end when it is gone (their standard input closes)
 
 import os
 import queue
+import random
 import signal
 import socket
 import subprocess
@@ -30,7 +31,7 @@ from deploy.chaos import Chaos, Fault
 from deploy.progress import Progress
 from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
-from swarm.errors import ConfigError, SwarmError
+from swarm.errors import ConfigError, NetworkError, SwarmError
 from swarm.keys import Keys
 from swarm.security import OBSERVER
 from swarm.telemetry import watch_reports
@@ -112,7 +113,8 @@ def with_free_ports(config: SwarmFile) -> SwarmFile:
     wanted = range(config.network.base_port, config.network.base_port + len(config.agents))
     if all(_is_free(config.network.host, port) for port in wanted):
         return config
-    for base in range(20_000, 60_000, len(config.agents)):
+    first = random.randrange(20_000, 50_000)  # two launchers at once look in different places
+    for base in range(first, 60_000, len(config.agents)):
         ports = range(base, base + len(config.agents))
         if all(_is_free(config.network.host, port) for port in ports):
             network = msgspec.structs.replace(config.network, base_port=base)
@@ -219,7 +221,8 @@ class Fleet:
         what = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
         if code == 0:
             what = f"was stopped at round {held[-1] if held else 0}"
-        if code in {ConfigError.exit_code, 4}:
+        never_played = not self.folder.metrics(worker.agent).exists()
+        if code in {ConfigError.exit_code, 4} or (code == NetworkError.exit_code and never_played):
             raise SwarmError(f"{worker.agent} {what}: {_last_line(self.folder.log(worker.agent))}")
         now = time.monotonic()
         worker.failures = 1 if now - worker.started > FORGIVEN else worker.failures + 1

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from agent import checkpoint
 from agent.config import SwarmFile
+from agent.errors import CheckpointError
 from agent.policies import softmax
 from agent.runfolder import RunFolder
 from sim.tabular.env import TabularEnv
@@ -95,16 +96,16 @@ def _optimum(worlds: list[TabularEnv]) -> float | None:
         return None
 
 
+def _newest(folder: RunFolder, agent: str) -> NDArray[np.floating]:
+    held = checkpoint.rounds_in(folder.checkpoints(agent))
+    if not held:
+        raise CheckpointError(f"{agent} left no checkpoint; see {folder.log(agent)}")
+    return checkpoint.read(checkpoint.path_of(folder.checkpoints(agent), held[-1])).theta
+
+
 def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     """Evaluate a finished run, keep the numbers, print the table, write the recording."""
-    path = {agent: folder.checkpoints(agent) for agent in config.members}
-    thetas = np.stack(
-        [
-            checkpoint.read(checkpoint.path_of(path[a], checkpoint.rounds_in(path[a])[-1])).theta
-            for a in config.members
-        ]
-    )
-    result = evaluate(config, thetas)
+    result = evaluate(config, np.stack([_newest(folder, agent) for agent in config.members]))
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
     console = Console(highlight=False)
     console.print(result_table(result))

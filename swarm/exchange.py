@@ -79,6 +79,7 @@ class Exchange:
         codec: their encoding.
         timing: the time limits.
         roster: who is present, and in which life.
+        waits: whether a slow neighbour may hold this agent up, rather than miss a message.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class Exchange:
         codec: Codec,
         timing: Timing,
         roster: Roster,
+        waits: bool = True,
     ) -> None:
         self._session, self._keys = session, keys
         self._agent, self._incarnation = me
@@ -101,16 +103,14 @@ class Exchange:
         self._taken: dict[str, Message] = {}
         self._guard = Guard()
         self._outgoing: tuple[bytes, bytes] = (b"", b"")
+        self._nearby: tuple[str, ...] = ()
         self._published = 0.0  # monotonic time of the round's publication [s]
         self._durations: deque[float] = deque(maxlen=REMEMBERED)
         roster.call_on_change(self._inbox.wake)
-        self._publisher = session.declare_publisher(
-            keys.params(self._agent),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.DATA,
-            allowed_destination=zenoh.Locality.REMOTE,
-        )
-        self._subscriber = session.declare_subscriber(keys.params(), self._receive)
+        self._congestion = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        mine = keys.params(receiver=self._agent)
+        self._subscriber = session.declare_subscriber(mine, self._receive)
 
     # --- in ---------------------------------------------------------------------------------
 
@@ -193,16 +193,27 @@ class Exchange:
         """
         self._norm = norm
         header = self._header(self._layout, round_, neighbours, used)
-        self._outgoing = (encode_header(header), body)
+        self._outgoing, self._nearby = (encode_header(header), body), neighbours
         self._published = time.monotonic()
         self._send()
 
     def _send(self) -> None:
         attachment, body = self._outgoing
-        self._publisher.put(body, attachment=attachment)
+        for neighbour in self._nearby:
+            self._to(neighbour).put(body, attachment=attachment)
 
     def _beat(self) -> None:
-        self._publisher.put(b"", attachment=self._outgoing[0])
+        for neighbour in self._nearby:
+            self._to(neighbour).put(b"", attachment=self._outgoing[0])
+
+    def _to(self, neighbour: str) -> zenoh.Publisher:
+        if neighbour not in self._publishers:
+            self._publishers[neighbour] = self._session.declare_publisher(
+                self._keys.params(self._agent, neighbour),
+                congestion_control=self._congestion,
+                priority=zenoh.Priority.DATA,
+            )
+        return self._publishers[neighbour]
 
     def _header(
         self,
@@ -340,7 +351,8 @@ class Exchange:
     ) -> None:
         if not self._session.is_closed():
             self._subscriber.undeclare()
-            self._publisher.undeclare()
+            for publisher in self._publishers.values():
+                publisher.undeclare()
 
 
 def _bytes(attachment: zenoh.ZBytes | None) -> bytes | None:

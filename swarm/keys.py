@@ -2,7 +2,7 @@
 
 ========================================  ======================================================
 ``dcpg/{swarm}/alive/{agent}/{inc}``      liveliness token; ``inc`` is the process's incarnation
-``dcpg/{swarm}/params/{agent}``           parameters of one round (:mod:`swarm.payload`), pushed
+``dcpg/{swarm}/params/{agent}/{to}``      parameters of one round (:mod:`swarm.payload`), pushed
 ``dcpg/{swarm}/state/{agent}``            queryable: the newest parameters, for one who joins
 ``dcpg/{swarm}/status/{agent}``           queryable: :class:`swarm.telemetry.AgentStatus`
 ``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
@@ -46,9 +46,9 @@ class Keys:
         """Key of a liveliness token."""
         return f"{ROOT}/{self.swarm}/alive/{agent}/{incarnation}"
 
-    def params(self, agent: str = "*") -> str:
-        """Key on which an agent publishes its parameters."""
-        return f"{ROOT}/{self.swarm}/params/{agent}"
+    def params(self, agent: str = "*", receiver: str = "*") -> str:
+        """Key on which an agent publishes its parameters to one of its neighbours."""
+        return f"{ROOT}/{self.swarm}/params/{agent}/{receiver}"
 
     def state(self, agent: str = "*") -> str:
         """Key under which an agent answers with its newest parameters."""
