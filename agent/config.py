@@ -82,8 +82,9 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
-        pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it
-            takes what has come, nobody waits, and the first to finish ends the run for all.
+        pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it takes
+            what has come, nobody waits, and the first to finish ends the run for all.  A task
+            weighs as much as its agent is fast; a slow one may find its task settled without it.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.

@@ -128,18 +128,20 @@ def test_hosts_find_each_other_by_multicast_and_are_seen_from_another(
 
 
 def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path: Path) -> None:
+    """What is learned depends on who is how fast (`SwarmFile.pace`); that nobody waits does not."""
     folder = tmp_path / "run"
-    chaos = chaos_file(
-        tmp_path, 'at = 0.0\nkind = "slow"\nagents = ["drone3"]\nseconds = 60\nfactor = 5'
-    )
+    chaos = chaos_file(tmp_path, 'kind = "slow"\nagents = ["drone3"]\nseconds = 60\nfactor = 5')
     code, output = run(
         *("up", GRIDWORLD_A, "--run", folder, "--no-record", "--chaos", chaos),
-        *("--set", "pace=async", "--set", f"rounds={ROUNDS * 2}"),
+        *("--set", "pace=async", "--set", f"rounds={2 * ROUNDS}"),
         cwd=tmp_path,
     )
     assert code == 0, output
     assert "fault: slow drone3" in output
-    result = json.loads(RunFolder(folder).result.read_text())
-    assert result["solved"] == [4, 4, 4, 4], output
-    played = {m: sum(1 for _ in RunFolder(folder).reports(m)) for m in MEMBERS}
-    assert played["drone3"] < played["drone0"]  # the others did not wait
+    reports = {m: list(RunFolder(folder).reports(m)) for m in MEMBERS}
+    fastest = max(len(reports[m]) for m in MEMBERS)
+    assert fastest == 2 * ROUNDS
+    assert len(reports["drone3"]) < fastest / 2
+    for member in MEMBERS:
+        assert all(report.waited == 0.0 for report in reports[member])
+        assert any(report.weights for report in reports[member])  # and yet they do exchange

@@ -206,13 +206,17 @@ def test_nobody_speaks_for_another_whoever_dials(
         victim.declare_queryable(
             KEYS.state("drone0"), lambda q: q.reply(KEYS.state("drone0"), b"own")
         )
-        own_params = attacker.declare_publisher(KEYS.params("drone1"))
-        friends = friend.declare_publisher(KEYS.params("drone2"))
+        own_params = attacker.declare_publisher(KEYS.params("drone1", "drone3"))
+        friends = friend.declare_publisher(KEYS.params("drone2", "drone3"))
         until(lambda: matched(own_params) and matched(friends), "the victim's subscription")
         claims = ("drone0", "drone2", "drone3", OBSERVER, "mallory", "*", "**", "drone$*")
         kept = []
         for claim in claims:
-            for key in (KEYS.params(claim), KEYS.telemetry(claim, "round"), KEYS.state(claim)):
+            for key in (
+                KEYS.params(claim, "drone3"),
+                KEYS.telemetry(claim, "round"),
+                KEYS.state(claim),
+            ):
                 attacker.put(key, b"forged")
                 attacker.delete(key)
             kept.append(attacker.liveliness().declare_token(KEYS.alive(claim, "1")))
@@ -226,12 +230,12 @@ def test_nobody_speaks_for_another_whoever_dials(
             ),
         )
         # After all that, on the same link, what is drone1's own; an observer owns nothing.
-        mine = {KEYS.params("drone1")} if name == "drone1" else set()
+        mine = {KEYS.params("drone1", "drone3")} if name == "drone1" else set()
         own_params.put(b"own")
         kept.append(attacker.liveliness().declare_token(KEYS.alive("drone1", "1")))
         friends.put(b"own")
         kept.append(friend.liveliness().declare_token(KEYS.alive("drone2", "9")))
-        expected = {KEYS.params("drone2"), *mine}
+        expected = {KEYS.params("drone2", "drone3"), *mine}
         until(lambda: expected <= heard, f"{expected} in {heard}")
         own = {KEYS.alive("drone2", "9")} | ({KEYS.alive("drone1", "1")} if mine else set())
         until(lambda: own <= alive, f"{own} in {alive}")
@@ -245,8 +249,8 @@ def test_nobody_speaks_for_another_whoever_dials(
         assert (heard, alive) == (expected, own)
         assert answers == {KEYS.state("drone0"), *({KEYS.state("drone1")} if mine else ())}
         # Observers and members hear what is said by its owner: the link is not simply dead.
-        victim.put(KEYS.params("drone0"), b"own")
-        until(lambda: KEYS.params("drone0") in overheard, "hearing drone0")
+        victim.put(KEYS.params("drone0", "drone3"), b"own")
+        until(lambda: KEYS.params("drone0", "drone3") in overheard, "hearing drone0")
         asked = {str(r.ok.key_expr) for r in attacker.get(KEYS.state(), timeout=PATIENCE) if r.ok}
         assert KEYS.state("drone0") in asked
 
@@ -265,7 +269,7 @@ def test_an_honest_agent_does_not_dial_into_a_trap(folders: tuple[Path, Path], w
             pytest.raises(zenoh.ZError),
             hostile(network, "drone1", NOWHERE, f"tls/127.0.0.1:{port}") as victim,
         ):
-            victim.put(KEYS.params("drone1"), b"secret")
+            victim.put(KEYS.params("drone1", "drone3"), b"secret")
         assert not session.info.links()
     assert not heard.is_set()
 
