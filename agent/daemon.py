@@ -111,7 +111,7 @@ def run_agent(
         life.at = _catch_up(exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
         learner_state |= life.at.optimizer
-        exchange.serve_state(lambda: (life.at.round, rounds.neighbours(), life.at.theta.tobytes()))
+        exchange.serve_state(lambda: _state(life.at, rounds))
         _serve_status(session, keys, (agent, incarnation), config, rounds, life)
         roster.announce(agent, incarnation)
         log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
@@ -238,6 +238,11 @@ def _catch_up(exchange: Exchange, own: Checkpoint) -> Checkpoint:
     )
     # What the mixing rule remembers belongs to the old parameters: begin it anew.
     return replace(own, round=newest.header.round, theta=newest.vector.copy(), mixing={})
+
+
+def _state(at: Checkpoint, rounds: Rounds) -> tuple[int, tuple[str, ...], bytes]:
+    """What a joiner asks for, all of one round although the rounds go on meanwhile."""
+    return at.round, rounds.neighbours(), at.theta.tobytes()
 
 
 def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
