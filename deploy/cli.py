@@ -170,6 +170,13 @@ def vehicle(
         int, typer.Option(help="UDP: companions listen here, we on port + 40; TCP: we do.")
     ] = 14540,
     sysid: Annotated[int, typer.Option(help="MAVLink system id.")] = 1,
+    scene: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="World to fly in; default: an open field."),
+    ] = None,
+    start: Annotated[
+        int, typer.Option(min=0, help="Home is below this start pose of the scene.")
+    ] = 0,
     flavour: Annotated[str, typer.Option(help="Whose behaviour: px4 or ardupilot.")] = "px4",
     speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
     lockstep: Annotated[
@@ -194,9 +201,9 @@ def vehicle(
     seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
 ) -> None:
     """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
-    from deploy.vehicle import NOISY, fly, read_key, read_wind  # noqa: PLC0415
+    from deploy.vehicle import fly, read_key, read_wind  # noqa: PLC0415
     from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
-    from sim.vehicle.quadrotor import Noise, Weather  # noqa: PLC0415
+    from sim.vehicle.quadrotor import NOISY, Noise, Weather  # noqa: PLC0415
     from sim.vehicle.server import Options  # noqa: PLC0415
 
     if flavour not in FLAVOURS:
@@ -215,6 +222,8 @@ def vehicle(
             weather=read_wind(wind) if wind is not None else Weather(),
             noise=NOISY if noise else Noise(),
             seed=seed,
+            scene=scene,
+            start=start,
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
