@@ -9,8 +9,9 @@ import logging
 import os
 import threading
 import time
+from collections import deque
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -21,9 +22,9 @@ from agent import checkpoint
 from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
 from agent.learner import Learner
+from agent.learners import build_learner
 from agent.rounds import Outcome, Rounds
 from agent.runfolder import RunFolder
-from agent.tabular import TabularLearner
 from swarm.consensus import sketch
 from swarm.errors import ConfigError
 from swarm.exchange import Exchange
@@ -35,6 +36,7 @@ from swarm.session import open_session
 from swarm.telemetry import AgentStatus, NeighbourStatus, RoundReport, TelemetryPublisher
 
 log = logging.getLogger(__name__)
+UNWRITTEN = 3  # checkpoints kept in memory: neighbours stop within so many rounds of each other
 SKETCHES = 200  # sketches and routes in the metrics file of one run
 
 
@@ -56,6 +58,7 @@ class Life:
     state: str
     at: Checkpoint
     report: RoundReport | None = None
+    unwritten: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=UNWRITTEN))
 
 
 def run_agent(
@@ -84,7 +87,7 @@ def run_agent(
     """
     index = config.index(agent)
     folder.prepare(agent)
-    learner = TabularLearner(config, agent)
+    learner = build_learner(config, agent)
     layout, keys = layout_of(config, learner), Keys(config.name)
     incarnation = f"{time.time_ns():x}"
     first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
@@ -92,6 +95,7 @@ def run_agent(
     life = Life("waiting", first)
     endpoints = [config.endpoint(member) for member in config.members]
     with ExitStack() as resources:
+        resources.callback(learner.close)
         session = resources.enter_context(
             open_session(
                 config.network, config.party(agent), endpoints[index : index + 1], endpoints[:index]
@@ -128,7 +132,8 @@ def run_agent(
         while life.at.round < config.rounds and not stop.is_set():
             _play(config, rounds, life, folder, telemetry, metrics)
         if stop.is_set():
-            checkpoint.write(folder.checkpoints(agent), life.at)
+            for unwritten in (*life.unwritten, life.at):
+                checkpoint.write(folder.checkpoints(agent), unwritten)
             log.info("round %d: told to stop, checkpoint written", life.at.round)
         else:
             life.state = "finished"
@@ -166,6 +171,9 @@ def _play(
     last = life.at.round >= config.rounds
     if last or life.at.round % config.checkpoint_every == 0:
         checkpoint.write(folder.checkpoints(rounds.agent), life.at)
+        life.unwritten.clear()
+    else:
+        life.unwritten.append(life.at)
     sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
     report = _report(rounds, at, outcome, time.monotonic() - start, sparse or telemetry.due())
     life.report = report
@@ -188,6 +196,7 @@ def _report(
         episodes=at.episodes + step.episodes,
         steps=at.steps + step.steps,
         gradient_norm=step.gradient_norm,
+        distance=step.distance,
         disagreement=outcome.disagreement,
         weights=outcome.weights,
         missing=outcome.missing,
