@@ -19,6 +19,8 @@ from agent.vehicle.state import READERS, VehicleState
 
 log = logging.getLogger(__name__)
 
+LOOK = 0.2  # s, how often a condition is looked at while nothing comes
+
 Condition = Callable[[VehicleState], bool]
 
 
@@ -108,7 +110,12 @@ class Conversation:
         """
         begun = time.monotonic()
         with self.lock:
-            if self.lock.wait_for(lambda: condition(self.state), seconds):
+            while not condition(self.state):  # of the telemetry, or of the clock
+                left = begun + seconds - time.monotonic()
+                if left <= 0:
+                    break
+                self.lock.wait(min(left, LOOK))
+            else:
                 return
         state = self.state
         missing = []

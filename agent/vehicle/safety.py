@@ -27,6 +27,7 @@ class Timing:
     coast: float = 0.5  # without a new velocity, before it stands still
     policy: float = 2.0  # without a new set point of the policy's, before the flight is broken off
     hold: float = 3.0  # of holding before the landing
+    lost: float = 15.0  # without a heartbeat, before a landing is left to the vehicle alone
 
 
 @dataclass(frozen=True)

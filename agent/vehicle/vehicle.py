@@ -209,10 +209,18 @@ class Vehicle:
         self._begin()
 
     def land(self) -> None:
-        """Land here; returns when the vehicle has disarmed itself."""
+        """Land here, or see a broken-off flight to its end; returns when the rotors stand still."""
+        if self._helm.broken is None:
+            self._release()
+            self.set_mode(self.dialect.land)
+        self._talk.await_(
+            lambda s: not s.armed or time.monotonic() - s.heartbeat_at > self.timing.lost,
+            self.timing.land,
+            "does not disarm after landing",
+        )
+        if self.state.armed:
+            raise VehicleError(f"{self.name} is not heard any more: it must land by itself")
         self._release()
-        self.set_mode(self.dialect.land)
-        self._talk.await_(lambda s: not s.armed, self.timing.land, "does not disarm after landing")
 
     def disarm(self) -> None:
         """Stop the rotors; refused in the air."""

@@ -94,6 +94,12 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         return depth
 
     @property
+    def picture(self) -> Observation:
+        """The last observation."""
+        picture: Observation = self._flights.rgb[0]
+        return picture
+
+    @property
     def pose(self) -> Doubles:
         """x, y, z [m, NED], roll, pitch, yaw [rad]."""
         pose: Doubles = self._flights.pose[0].copy()

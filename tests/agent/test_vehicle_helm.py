@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -73,7 +74,7 @@ def test_what_is_wrong_holds_then_lands_and_insists(helm: Helm, dialect: Dialect
 def test_numbers_that_are_none_are_never_sent(
     helm: Helm, dialect: Dialect, field: str, bad: float
 ) -> None:
-    value = (0.0, bad, 0.0) if field in {"place", "velocity"} else bad
+    value: Any = (0.0, bad, 0.0) if field in {"place", "velocity"} else bad
     helm.wish(NORTH._replace(**{field: value}), 0.1)
     assert helm.tick(seen(dialect, 0.1), dialect, 0.1) == dialect.hold
     assert "not a number" in str(helm.broken)
