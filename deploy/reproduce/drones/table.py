@@ -147,7 +147,7 @@ def _record(five: Sequence[Run], found: dict[Mode, Matrix]) -> dict[str, Any]:
     """What the JSON keeps of an estimator."""
     names = [*(run.name for run in five[1:]), five[0].name]
     record: dict[str, Any] = {"policies": names, "worlds": list(NAMES)}
-    record |= dict(found)
+    record |= {str(mode): found[mode] for mode in MODES}
     record["flights"] = {run.name: msgspec.to_builtins(_evaluation(run).cells) for run in five}
     record["runs"] = {
         run.name: {
