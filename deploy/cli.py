@@ -6,7 +6,6 @@ user's mistake is one line on standard error and a non-zero exit code.
 
 import logging
 import os
-import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -14,7 +13,6 @@ from contextlib import contextmanager
 from enum import StrEnum
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -22,7 +20,9 @@ import typer
 from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
+from deploy.cli_drones import app as drones
 from deploy.reproduce.cli import app as reproduce
+from deploy.signals import stop_on_signals
 from swarm.errors import ConfigError, SwarmError
 
 
@@ -40,6 +40,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+app.add_typer(drones)
 app.add_typer(reproduce, name="reproduce")
 
 LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
@@ -120,7 +121,7 @@ def agent(
     config = load(file, settings or ())
     config.index(id_)
     folder = RunFolder(run or Path("runs") / config.name)
-    stop = _stop_on_signals()
+    stop = stop_on_signals()
     folder.prepare(id_)
     _log_to(folder.log(id_), id_, quiet=supervised)
     if supervised:
@@ -178,63 +179,6 @@ def view(
     from deploy.status import find_config  # noqa: PLC0415
 
     show(find_config(target, settings or ()), save, live)
-
-
-@app.command()
-def vehicle(
-    port: Annotated[
-        int, typer.Option(help="UDP: companions listen here, we on port + 40; TCP: we do.")
-    ] = 14540,
-    sysid: Annotated[int, typer.Option(help="MAVLink system id.")] = 1,
-    flavour: Annotated[str, typer.Option(help="Whose behaviour: px4 or ardupilot.")] = "px4",
-    speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
-    lockstep: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Advance by this much, only when told."),
-    ] = None,
-    tcp: Annotated[bool, typer.Option("--tcp", help="Listen on TCP instead of UDP.")] = False,
-    host: Annotated[str, typer.Option(help="Send there; not 127.0.0.1: listen everywhere.")] = (
-        "127.0.0.1"
-    ),
-    ground_port: Annotated[
-        int, typer.Option(help="UDP: a ground station listens here; 0: none.")
-    ] = 14550,
-    signing_key: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Sign messages; believe only signed ones."),
-    ] = None,
-    wind: Annotated[
-        str | None, typer.Option(metavar="N,E[,GUSTS]", help="Wind [m/s], north and east.")
-    ] = None,
-    noise: Annotated[bool, typer.Option("--noise", help="Imperfect sensors.")] = False,
-    seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
-) -> None:
-    """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
-    from deploy.vehicle import NOISY, fly, read_key, read_wind  # noqa: PLC0415
-    from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
-    from sim.vehicle.quadrotor import Noise, Weather  # noqa: PLC0415
-    from sim.vehicle.server import Options  # noqa: PLC0415
-
-    if flavour not in FLAVOURS:
-        raise ConfigError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')
-    try:
-        options = Options(
-            port=port,
-            system=sysid,
-            flavour=FLAVOURS[flavour],
-            speed=speed,
-            lockstep=lockstep,
-            tcp=tcp,
-            host=host,
-            ground_port=ground_port or None,
-            key=read_key(signing_key) if signing_key is not None else None,
-            weather=read_wind(wind) if wind is not None else Weather(),
-            noise=NOISY if noise else Noise(),
-            seed=seed,
-        )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    fly(options, _stop_on_signals())
 
 
 @app.command()
@@ -310,22 +254,6 @@ def worlds(
         show(scenes or NAMES, sheet, width)
 
 
-@app.command()
-def fly(
-    pilot: Annotated[str, typer.Option(help="greedy, straight or random.")] = "greedy",
-    scenes: Scenes = None,
-    flights: Annotated[int, typer.Option(min=1, help="Flights in each world.")] = 16,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    json: AsJson = False,
-) -> None:
-    """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
-    from deploy.fly import fly as start  # noqa: PLC0415
-    from sim.indoor.scenes import NAMES  # noqa: PLC0415
-
-    with _plain_errors():
-        start(pilot, scenes or NAMES, flights, seed, as_json=json)
-
-
 @app.command("eval")
 def evaluate(
     source: Source,
@@ -390,18 +318,6 @@ def _plain_errors() -> Iterator[None]:
         ) from None
     except (ValueError, OSError) as error:
         raise ConfigError(str(error)) from None
-
-
-def _stop_on_signals() -> threading.Event:
-    """An event that SIGTERM and Ctrl-C set."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
-    return stop
 
 
 def _stop_at_end_of_input(stop: threading.Event) -> None:
