@@ -5,7 +5,8 @@
 ``dcpg/{swarm}/params/{agent}/{to}``      parameters of one round (:mod:`swarm.payload`), pushed
 ``dcpg/{swarm}/state/{agent}``            queryable: the newest parameters, for one who joins
 ``dcpg/{swarm}/status/{agent}``           queryable: :class:`swarm.telemetry.AgentStatus`
-``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
+``dcpg/{swarm}/telemetry/{agent}/{what}``  :mod:`swarm.telemetry`, pushed, droppable: ``round`` has
+                                          RoundReport, ``flight`` has FlightSample
 ========================================  ======================================================
 
 Receivers subscribe with ``*`` in the agent's place and hold the key against the header: see the

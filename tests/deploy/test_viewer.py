@@ -376,7 +376,7 @@ def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
             Roster(zenoh, keys) as roster,
             TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
         ):
-            telemetry._publisher.declare_matching_listener(lambda status: watched.set())
+            telemetry._reports.declare_matching_listener(lambda status: watched.set())
             roster.announce("drone0", "1")
             assert watched.wait(20)
             telemetry.put(report(0, 99, sketch=(1.0,)), always=True)
