@@ -11,8 +11,8 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec.structs import replace
 
-from agent.estimators import Estimator
-from agent.optimizers import Optimizer, Sgd
+from agent.estimators import Estimator, Exact
+from agent.optimizers import Adam, Optimizer, Sgd
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
@@ -69,6 +69,30 @@ class StartMixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rounds: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
+class Training(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How a network learns from its flights; a table takes each round whole and needs none of it.
+
+    Attributes:
+        worlds: flown side by side, their observations one batch of the network.
+        segment: steps of every world in a round.  Actor-critics stop in mid-flight and go on in
+            the next round; REINFORCE flies whole flights of so many steps on average.  0: whole
+            flights, ``estimator.episodes`` of them.
+        reward_scale: rewards are multiplied by it for learning, never in what is reported.
+        standardize: returns or advantages of a round are brought to mean 0 and deviation 1.
+        minibatch: steps per optimiser step; 0 takes the whole round at once.
+        gradient_clip: longest gradient of an optimiser step; 0 for any.
+        threads: of the arithmetic; one is best where there are as many agents as cores.
+    """
+
+    worlds: Count = 1
+    segment: Annotated[int, msgspec.Meta(ge=0)] = 0
+    reward_scale: Annotated[float, msgspec.Meta(gt=0)] = 1.0
+    standardize: bool = False
+    minibatch: Annotated[int, msgspec.Meta(ge=0)] = 0
+    gradient_clip: Annotated[float, msgspec.Meta(ge=0)] = 0.0
+    threads: Count = 1
+
+
 class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One experiment.
 
@@ -79,6 +103,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         seed: of all randomness; same file and seed give the same parameters bit for bit.
         rounds: how long to learn.
         policy: what is learned.
+        training: how a network learns from its flights.
         optimizer: what becomes of the gradient.
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
@@ -98,6 +123,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
     rounds: Count = 1000
     policy: Policy = Tabular()
+    training: Training = Training()
     optimizer: Optimizer = Sgd()
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
@@ -112,6 +138,11 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def members(self) -> tuple[str, ...]:
         """All ids, in the file's order: the order in which a topology places them."""
         return tuple(agent.id for agent in self.agents)
+
+    @property
+    def mixes_moments(self) -> bool:
+        """Whether the optimiser's moments travel with the parameters."""
+        return isinstance(self.optimizer, Adam) and self.optimizer.mix_moments
 
     def index(self, agent: str) -> int:
         """Place of an agent in the file.
@@ -157,12 +188,28 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
                     f'agents.{i}.id = "{agent.id}" is also the id of agents.{first}: '
                     "expected ids that differ"
                 )
+        _check_training(config)
         _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     security = config.network.security.beside(path.parent)
     return replace(config, network=replace(config.network, security=security))
+
+
+def _check_training(config: SwarmFile) -> None:
+    """An estimator and settings that fit the policy."""
+    if isinstance(config.policy, Tabular):
+        if config.training != Training():
+            raise ConfigError(
+                '[training] is for networks: expected policy.kind = "network" or "c3f2", '
+                "or no [training]"
+            )
+    elif isinstance(config.estimator, Exact):
+        raise ConfigError(
+            'estimator.kind = "exact" asks the model of a tabular task: expected "reinforce", '
+            '"a2c" or "ppo" for a network'
+        )
 
 
 def _check_security(config: SwarmFile) -> None:

@@ -21,9 +21,9 @@ from agent import checkpoint
 from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
 from agent.learner import Learner
+from agent.learners import build_learner
 from agent.rounds import Outcome, Rounds
 from agent.runfolder import RunFolder
-from agent.tabular import TabularLearner
 from swarm.consensus import sketch
 from swarm.errors import ConfigError
 from swarm.exchange import Exchange
@@ -84,7 +84,7 @@ def run_agent(
     """
     index = config.index(agent)
     folder.prepare(agent)
-    learner = TabularLearner(config, agent)
+    learner = build_learner(config, agent)
     layout, keys = layout_of(config, learner), Keys(config.name)
     incarnation = f"{time.time_ns():x}"
     first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
@@ -92,6 +92,7 @@ def run_agent(
     life = Life("waiting", first)
     endpoints = [config.endpoint(member) for member in config.members]
     with ExitStack() as resources:
+        resources.callback(learner.close)
         session = resources.enter_context(
             open_session(
                 config.network, config.party(agent), endpoints[index : index + 1], endpoints[:index]
@@ -188,6 +189,7 @@ def _report(
         episodes=at.episodes + step.episodes,
         steps=at.steps + step.steps,
         gradient_norm=step.gradient_norm,
+        distance=step.distance,
         disagreement=outcome.disagreement,
         weights=outcome.weights,
         missing=outcome.missing,

@@ -22,6 +22,7 @@ class Step:
         value: mean discounted return of the episodes (exact estimator: the exact value).
         episodes, steps: flown in this round.
         gradient_norm: Euclidean norm of the gradient estimate.
+        distance: mean length of the flights that ended [m], where the world tells it.
     """
 
     vector: Vector
@@ -29,6 +30,7 @@ class Step:
     episodes: int
     steps: int
     gradient_norm: float
+    distance: float | None = None
 
 
 class Learner(Protocol):
@@ -54,4 +56,8 @@ class Learner(Protocol):
 
     def route(self, theta: Vector) -> tuple[int, ...]:
         """States on the path most followed under ``theta``; empty where there is none."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the worlds."""
         ...

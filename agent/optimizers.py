@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Vector = NDArray[np.floating]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+MOMENTS = ("first", "second")  # Adam's, by their names in the optimiser's state
 
 
 class Sgd(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="sgd"):
@@ -29,12 +30,15 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
         step: step size.
         beta1, beta2: decay of the first and second moment.
         epsilon: added to the root of the second moment.
+        mix_moments: neighbours mix their moments as they mix their parameters
+            (:mod:`agent.moments`); messages are three times as long.
     """
 
     step: Positive = 1e-4
     beta1: Fraction = 0.9
     beta2: Fraction = 0.999
     epsilon: Positive = 1e-8
+    mix_moments: bool = False
 
 
 Optimizer = Sgd | Adam

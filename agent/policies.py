@@ -1,6 +1,10 @@
-"""What is learned: the policy's settings, its layout as one flat vector, and its derivatives."""
+"""What is learned: the settings of every kind of policy, and the derivatives of the tabular one.
+
+The networks themselves stand in :mod:`agent.networks`, because they need torch.
+"""
 
 from math import prod
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -23,7 +27,49 @@ class Tabular(
     precision: Precision = "float32"
 
 
-Policy = Tabular
+class Network(
+    msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="network"
+):
+    """Softmax over a network's logits, for any Gymnasium task with discrete actions.
+
+    Fully connected with tanh where observations are vectors; three convolutions (Mnih et al. 2015)
+    and one hidden layer where they are pictures.
+
+    Attributes:
+        hidden: width of each fully connected hidden layer.
+        compute: type of the arithmetic; ``auto`` is bfloat16 for pictures on a CPU that has
+            instructions for it, else float32.  Parameters are float32 in any case.
+        device: where it runs, ``cpu`` or ``cuda``.
+    """
+
+    hidden: tuple[Annotated[int, msgspec.Meta(ge=1)], ...] = (64, 64)
+    compute: Literal["auto", "float32", "bfloat16"] = "auto"
+    device: Literal["cpu", "cuda"] = "cpu"
+
+    @property
+    def precision(self) -> Precision:
+        """Type of the parameters on the wire."""
+        return "float32"
+
+
+class C3F2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="c3f2"):
+    """The network of the paper's drone experiment (notes to the paper; Anwar and Raychowdhury).
+
+    Attributes:
+        compute, device: see :class:`Network`.
+    """
+
+    compute: Literal["auto", "float32", "bfloat16"] = "auto"
+    device: Literal["cpu", "cuda"] = "cpu"
+
+    @property
+    def precision(self) -> Precision:
+        """Type of the parameters on the wire."""
+        return "float32"
+
+
+Neural = Network | C3F2
+Policy = Tabular | Neural
 
 
 def softmax(logits: NDArray[np.floating]) -> Table:

@@ -243,5 +243,8 @@ class TabularLearner:
     def route(self, theta: Vector) -> tuple[int, ...]:
         return tuple(self._model.most_followed_path(self._policy(theta)))
 
+    def close(self) -> None:
+        """A table holds nothing."""
+
     def _policy(self, theta: Vector) -> Table:
         return softmax(theta[: prod(self._shape)].reshape(self._shape))

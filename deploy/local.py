@@ -25,8 +25,8 @@ import msgspec
 
 from agent import checkpoint
 from agent.config import SwarmFile, load
+from agent.learners import build_learner
 from agent.runfolder import RunFolder, open_run
-from agent.tabular import TabularLearner
 from deploy.chaos import Chaos, Fault
 from deploy.progress import Progress
 from deploy.report import report_result
@@ -71,7 +71,11 @@ def check_tasks(config: SwarmFile) -> None:
     Raises:
         ConfigError: a task cannot be built, or two tasks do not fit one policy.
     """
-    parts = {agent: TabularLearner(config, agent).parts for agent in config.members}
+    parts = {}
+    for agent in config.members:
+        learner = build_learner(config, agent)
+        parts[agent] = learner.parts
+        learner.close()
     first = config.members[0]
     for agent, shape in parts.items():
         if shape != parts[first]:

@@ -20,7 +20,7 @@ import zenoh
 
 from agent.config import SwarmFile
 from agent.daemon import layout_of
-from agent.tabular import TabularLearner
+from agent.learners import build_learner
 from swarm.errors import ConfigError
 from swarm.keys import Keys
 from swarm.payload import PROTOCOL
@@ -153,7 +153,7 @@ def language(config: SwarmFile) -> Language:
     Raises:
         ConfigError: the first task cannot be built.
     """
-    layout = layout_of(config, TabularLearner(config, config.members[0]))
+    layout = layout_of(config, build_learner(config, config.members[0]))
     plain = replace(layout, copies=1, codec="none")
     return Language(Spoken(PROTOCOL, layout.fingerprint), Spoken(PROTOCOL, plain.fingerprint))
 

@@ -84,7 +84,7 @@ class Progress:
         parts = [
             f"round {min(rounds)}/{self._config.rounds}",
             f"agents {len(reports)}/{len(self._config.members)}",
-            "return " + " ".join(f"{reports[a].value:+.2f}" for a in sorted(reports)),
+            _gains([reports[agent] for agent in sorted(reports)]),
             f"consensus error {max(errors.values(), default=0.0):.3f}",
         ]
         return ", ".join(parts) + (f", {left:.0f} s left" if left is not None else "")
@@ -124,6 +124,13 @@ class Progress:
         tb: TracebackType | None,
     ) -> None:
         self._live.stop()
+
+
+def _gains(reports: list[RoundReport]) -> str:
+    """Lengths of flights where the worlds tell them, else returns."""
+    if any(report.distance is not None for report in reports):
+        return "flights [m] " + " ".join(f"{report.distance or 0.0:.1f}" for report in reports)
+    return "return " + " ".join(f"{report.value:+.2f}" for report in reports)
 
 
 def _errors(reports: dict[str, RoundReport]) -> dict[str, float]:

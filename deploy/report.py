@@ -12,8 +12,9 @@ from rich.table import Table
 from agent import checkpoint
 from agent.config import SwarmFile
 from agent.errors import CheckpointError
-from agent.policies import softmax
+from agent.policies import Tabular, softmax
 from agent.runfolder import RunFolder
+from deploy.summary import print_summary
 from sim.tabular.env import TabularEnv
 from sim.tabular.optimum import joint_optimum
 from swarm.consensus import consensus_errors
@@ -105,6 +106,9 @@ def _newest(folder: RunFolder, agent: str) -> NDArray[np.floating]:
 
 def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     """Evaluate a finished run, keep the numbers, print the table, write the recording."""
+    if not isinstance(config.policy, Tabular):
+        print_summary(folder, config)
+        return
     result = evaluate(config, np.stack([_newest(folder, agent) for agent in config.members]))
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
     console = Console(highlight=False)

@@ -1,0 +1,211 @@
+"""Learning with a network, from flights: REINFORCE, A2C and PPO.
+
+A round flies (:mod:`agent.rollout`), weighs every step as the estimator says, and climbs in one or
+several optimiser steps at the agent's own parameters.  Their sum is what the swarm adds to the
+mixed parameters.  Objective per step of a flight, with ``w`` from the estimator:
+
+    w log pi(a|s)  +  lambda mean_a log pi(a|s)  -  value_weight (target - V(s))^2
+
+The second term is minus the relative entropy of Eq. 9, over the states that were visited.  With
+whole episodes, a round is a function of (parameters, round, seed, optimiser state) alone; segments
+also go on with the flights of the round before, and begin new ones after a restart.
+"""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from agent.config import SwarmFile
+from agent.errors import TaskError
+from agent.estimators import ActorCritic, Exact
+from agent.flat import FlatAscent, FlatNetwork, Parts
+from agent.learner import Step, Vector
+from agent.networks import build
+from agent.policies import Tabular
+from agent.returns import generalized_advantages, rewards_to_go
+from agent.rollout import Choice, Ended, Observations, Stretch, Worlds
+
+
+def make_world(config: SwarmFile, agent: str) -> gymnasium.Env[Any, Any]:
+    """The world of an agent's task.
+
+    Raises:
+        TaskError: the environment is unknown or refuses its arguments.
+    """
+    task = config.agents[config.index(agent)].task
+    try:
+        return gymnasium.make(task.env, **task.kwargs)
+    except (gymnasium.error.Error, TypeError, ValueError, KeyError, ImportError) as error:
+        raise TaskError(f'agent "{agent}": task "{task.env}" cannot be made: {error}') from None
+
+
+class NeuralLearner:
+    """A network in Gymnasium worlds; see :class:`agent.learner.Learner`.
+
+    Args:
+        config: the swarm file, with a policy of the kinds ``network`` or ``c3f2``.
+        agent: id of the agent.
+
+    Raises:
+        TaskError: the world cannot be made, or its spaces do not fit the policy.
+    """
+
+    def __init__(self, config: SwarmFile, agent: str) -> None:
+        policy, estimator = config.policy, config.estimator
+        assert not isinstance(policy, Tabular)
+        assert not isinstance(estimator, Exact)
+        torch.set_num_threads(config.training.threads)
+        if policy.device == "cuda" and not torch.cuda.is_available():
+            raise TaskError('policy.device = "cuda": this machine has none; expected "cpu"')
+        self._config, self._estimator, self._agent = config, estimator, config.index(agent)
+        first = make_world(config, agent)
+        critic = isinstance(estimator, ActorCritic)
+        spaces = first.observation_space, first.action_space
+        try:
+            network = build(policy, *spaces, critic, config.seed)
+        except TaskError as error:
+            first.close()
+            raise TaskError(f'agent "{agent}": {error}') from None
+        self._flat = FlatNetwork(network)
+        self._initial = self._flat.theta.cpu().numpy().copy()
+        others = [make_world(config, agent) for _ in range(config.training.worlds - 1)]
+        self._worlds = Worlds([first, *others], estimator.gamma, estimator.horizon)
+        self._random = np.random.default_rng(0)
+        self._last = Ended(0.0, 0, None)
+        self.optimizer_state: dict[str, Vector] = {}
+
+    @property
+    def parts(self) -> Parts:
+        return self._flat.parts
+
+    def initial(self) -> Vector:
+        return self._initial.copy()
+
+    def route(self, theta: Vector) -> tuple[int, ...]:
+        """Empty: nobody knows where a network would lead."""
+        return ()
+
+    def close(self) -> None:
+        self._worlds.close()
+
+    def step(self, theta: Vector, round_: int) -> Step:
+        training = self._config.training
+        self._random = np.random.default_rng((self._config.seed, self._agent, round_))
+        self._flat.load(theta)
+        seeds = self._random.integers(2**31, size=training.worlds)
+        if not training.segment:
+            stretches, ended = self._worlds.episodes(self._act, self._estimator.episodes, seeds)
+        elif isinstance(self._estimator, ActorCritic):
+            stretches, ended = self._worlds.segment(self._act, training.segment, seeds)
+        else:
+            steps = training.worlds * training.segment
+            stretches, ended = self._worlds.flights(self._act, steps, seeds)
+        length = self._learn(stretches)
+        if ended:
+            distances = [flight.distance for flight in ended if flight.distance is not None]
+            self._last = Ended(
+                float(np.mean([flight.value for flight in ended])),
+                sum(flight.steps for flight in ended),
+                float(np.mean(distances)) if distances else None,
+            )
+        return Step(
+            vector=self._flat.theta.cpu().numpy() - theta,
+            value=self._last.value,
+            episodes=len(ended),
+            steps=sum(len(stretch.rewards) for stretch in stretches),
+            gradient_norm=length,
+            distance=self._last.distance,
+        )
+
+    def _act(self, observations: Observations) -> Choice:
+        """Sample an action for every observation."""
+        with torch.inference_mode():
+            logits, values = self._flat.network(self._tensor(observations))
+            log_probs = torch.log_softmax(logits, -1).cpu().numpy()
+        dice = self._random.random(len(observations))[:, None]
+        below = np.exp(log_probs, dtype=np.float64).cumsum(1)
+        actions = (below < dice * below[:, -1:]).sum(1)
+        chosen = np.take_along_axis(log_probs, actions[:, None], 1)[:, 0]
+        return Choice(actions, chosen, values.cpu().numpy())
+
+    def _learn(self, stretches: list[Stretch]) -> float:
+        """Climb; returns the length of the first gradient."""
+        estimator, training = self._estimator, self._config.training
+        gains, targets = self._gains(stretches)
+        if training.standardize:
+            gains = (gains - gains.mean()) / (gains.std() + 1e-8)
+        if estimator.discount_visits:
+            at = [s.start + t for s in stretches for t in range(len(s.rewards))]
+            gains = gains * estimator.gamma ** np.array(at)
+        observations = [o for s in stretches for o in s.observations]
+        actions = self._tensor(np.array([a for s in stretches for a in s.actions]))
+        before = self._tensor(np.array([p for s in stretches for p in s.log_probs], np.float32))
+        gain = self._tensor(gains.astype(np.float32))
+        target = self._tensor(targets.astype(np.float32))
+        ascent = FlatAscent(self._config.optimizer, self._flat, self.optimizer_state)
+        count = len(observations)
+        parts = max(1, round(count / training.minibatch)) if training.minibatch else 1
+        first = None
+        for _ in range(estimator.epochs):
+            order = self._random.permutation(count) if parts > 1 else np.arange(count)
+            for rows in np.array_split(order, parts):
+                seen = self._tensor(np.stack([observations[i] for i in rows]))
+                which = self._tensor(rows)
+                objective = self._objective(
+                    seen, actions[which], before[which], gain[which], target[which]
+                )
+                length = self._flat.differentiate(objective, training.gradient_clip)
+                first = length if first is None else first
+                ascent.step()
+        self.optimizer_state = ascent.state()
+        return first or 0.0
+
+    def _objective(
+        self, seen: Tensor, actions: Tensor, before: Tensor, gain: Tensor, target: Tensor
+    ) -> Tensor:
+        """Mean over steps of what climbs (module docstring)."""
+        estimator = self._estimator
+        logits, values = self._flat.network(seen)
+        log_policy = torch.log_softmax(logits, -1)
+        log_probs = log_policy.gather(1, actions[:, None]).squeeze(1)
+        ratio = (log_probs.detach() - before).exp()
+        objective: Tensor = (estimator.weight(ratio, gain) * log_probs).mean()
+        objective = objective + estimator.entropy_weight * log_policy.mean()
+        if isinstance(estimator, ActorCritic):
+            objective = objective - estimator.value_weight * (target - values).square().mean()
+        return objective
+
+    def _gains(self, stretches: list[Stretch]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(T,) what every step was good for, and (T,) what the critic should have said."""
+        estimator, scale = self._estimator, self._config.training.reward_scale
+        rewards = [np.array(s.rewards) * scale for s in stretches]
+        if not isinstance(estimator, ActorCritic):
+            returns = np.concatenate([rewards_to_go(r, estimator.gamma) for r in rewards])
+            return returns, returns
+        gains = []
+        for r, s, last in zip(rewards, stretches, self._ahead(stretches), strict=True):
+            values, everywhere = np.array(s.values), np.ones(len(r), np.bool_)
+            gains.append(
+                generalized_advantages(
+                    r, values, last, everywhere, estimator.gamma, estimator.trace
+                )
+            )
+        flat = np.concatenate(gains)
+        return flat, flat + np.concatenate([s.values for s in stretches])
+
+    def _ahead(self, stretches: list[Stretch]) -> NDArray[np.float64]:
+        """(N,) value after the last step of each stretch; 0 where the flight ended by itself."""
+        ahead = np.zeros(len(stretches))
+        last = {i: s.last for i, s in enumerate(stretches) if s.last is not None}
+        if last:
+            with torch.inference_mode():
+                values = self._flat.network(self._tensor(np.stack(list(last.values()))))[1]
+            ahead[list(last)] = values.cpu().numpy()
+        return ahead
+
+    def _tensor(self, array: NDArray[Any]) -> Tensor:
+        return torch.from_numpy(array).to(self._flat.device)
