@@ -89,7 +89,7 @@ def serve_metrics(address: str, swarm: str, ask: Ask) -> Iterator[int]:
     class Handler(BaseHTTPRequestHandler):
         timeout = REQUEST_LIMIT
 
-        def do_GET(self) -> None:  # noqa: N802  (the library's name)
+        def do_GET(self) -> None:
             status, report, well = ask()
             if self.path == "/metrics":
                 self._reply(200, exposition(swarm, status, report))

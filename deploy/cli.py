@@ -4,14 +4,12 @@ Each command is a page of arguments and a call; what it does stands in the room 
 user's mistake is one line on standard error and a non-zero exit code.
 """
 
-import logging
 import os
 import signal
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -21,6 +19,7 @@ import typer
 from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
+from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
 from swarm.errors import ConfigError, SwarmError
 
@@ -33,7 +32,6 @@ app = typer.Typer(
 
 app.add_typer(reproduce, name="reproduce")
 
-LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
@@ -99,6 +97,11 @@ def agent(
     supervised: Annotated[
         bool, typer.Option(help="Log to the run folder only; end when standard input closes.")
     ] = False,
+    metrics: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Serve /metrics for Prometheus, and /healthz."),
+    ] = None,
+    json_logs: Annotated[bool, typer.Option("--json-logs", help="Log JSON lines.")] = False,
 ) -> None:
     """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
     config = load(file, settings or ())
@@ -106,10 +109,10 @@ def agent(
     folder = RunFolder(run or Path("runs") / config.name)
     stop = _stop_on_signals()
     folder.prepare(id_)
-    _log_to(folder.log(id_), id_, quiet=supervised)
+    log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    run_agent(config, id_, folder, stop, resume, begin)
+    run_agent(config, id_, folder, stop, resume, begin, metrics)
 
 
 @app.command()
@@ -340,20 +343,6 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
     while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
         pass
     stop.set()
-
-
-def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
-    """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [
-        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
-    ]
-    if not quiet:
-        handlers.append(logging.StreamHandler())
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(asctime)s {agent_id} %(levelname)s %(message)s",
-        handlers=handlers,
-    )
 
 
 def main() -> None:

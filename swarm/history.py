@@ -58,7 +58,7 @@ def serve_history(session: zenoh.Session, keys: Keys, agent: str, history: Histo
 
 
 def ask_history(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str, list[RoundReport]]:
-    """What the agents remember, of those that answer within ``timeout`` [s]; bad answers dropped."""
+    """What agents remember that answer within ``timeout`` [s]; a bad answer is none."""
     decoder = msgspec.msgpack.Decoder(list[RoundReport])
     answers: dict[str, list[RoundReport]] = {}
     for reply in session.get(

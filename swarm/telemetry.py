@@ -43,13 +43,12 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         episodes: episodes flown so far.
         steps: environment steps so far.
         gradient_norm: Euclidean norm of the gradient estimate.
-        distance: mean length of the flights that ended last [m], where the world tells it.
         disagreement: largest distance to a neighbour's parameters.
         weights: W_ij by neighbour, as used (what did not count is left out).
         missing: neighbours whose message did not count.
         sketch: :func:`swarm.consensus.sketch` of the parameters that entered the round.
         route: states on the most followed path, for tabular tasks now and then; else empty.
-        distance: mean length of the round's flights [m], MSF; None for tasks without flights.
+        distance: mean length of the flights that ended last [m], where the world tells it.
     """
 
     agent: str
@@ -64,7 +63,6 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     disagreement: float
     weights: dict[str, float]
     missing: tuple[str, ...] = ()
-    distance: float | None = None
     sketch: tuple[float, ...] = ()
     route: tuple[int, ...] = ()
     distance: float | None = None
