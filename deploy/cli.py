@@ -132,6 +132,21 @@ def status(
 
 
 @app.command()
+def compose(
+    file: File,
+    settings: Settings = None,
+    context: Annotated[
+        str, typer.Option(metavar="DIR", help="This repository, from the compose file's folder.")
+    ] = ".",
+) -> None:
+    """Print a Docker Compose file for a swarm file: an agent and a vehicle each, and a viewer."""
+    from deploy.compose import compose_file  # noqa: PLC0415
+
+    source = " ".join([str(file), *(f"--set {setting}" for setting in settings or ())])
+    print(compose_file(load(file, settings or ()), source, context), end="")
+
+
+@app.command()
 def topology(file: File, settings: Settings = None, json: AsJson = False) -> None:
     """Show the graph of a swarm file: edges, weights W, eigenvalues, spectral gap."""
     from deploy.report import show_topology  # noqa: PLC0415
