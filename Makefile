@@ -34,7 +34,7 @@ $(READY): requirements.lock pyproject.toml
 # After a change of the ranges in pyproject.toml: resolve again, write the exact versions down.
 lock:
 	rm -rf build/lock && $(PYTHON) -m venv build/lock
-	build/lock/bin/python -m pip install --quiet torch==2.13.0 "setuptools>=77" ".[viewer,security,figures,dev]"
+	build/lock/bin/python -m pip install --quiet torch==2.13.0 "setuptools>=77" ".[viewer,security,figures,onnx,dev]"
 	{ echo "# Exact versions of everything; written by 'make lock'."; \
 	  build/lock/bin/python -m pip freeze --all --exclude dcpg-swarm --exclude pip | sed 's/+cpu$$//; s/ @ .*//'; } > requirements.lock
 

@@ -5,6 +5,7 @@ Interface: :class:`Life` (what its threads share), :func:`serve_status`, :func:`
 
 import os
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from swarm.history import History
 from swarm.keys import Keys
 from swarm.telemetry import AgentStatus, NeighbourStatus, RoundReport
 
+UNWRITTEN = 3  # checkpoints kept in memory: neighbours stop within so many rounds of each other
 SLOW = 4.0  # times what the newest round took, beside the wait for neighbours: longer is not well
 
 
@@ -30,12 +32,14 @@ class Life:
         at: where it is.
         report: of the newest round.
         history: what it remembers.
+        unwritten: newest checkpoints that are in memory only.
     """
 
     state: str
     at: Checkpoint
     report: RoundReport | None = None
     history: History = field(default_factory=History)
+    unwritten: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=UNWRITTEN))
 
 
 def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:

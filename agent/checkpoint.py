@@ -1,8 +1,8 @@
 """An agent's whole state at the beginning of a round, on disk as safetensors.
 
 A checkpoint is written beside its final name and moved there in one step, so a reader finds a
-whole one or none.  The newest :data:`KEPT` stay: agents of a ring stop at slightly different
-rounds, and a swarm resumes at the newest round that all of them have.
+whole one or none.  The newest :data:`KEPT` stay, of large ones :data:`KEPT_LARGE`: agents of a ring
+stop at slightly different rounds, and a swarm resumes at the newest round that all of them have.
 """
 
 import os
@@ -17,7 +17,9 @@ from safetensors.numpy import save
 from agent.errors import CheckpointError
 
 Vector = NDArray[np.floating]
-KEPT = 16
+KEPT = 16  # of a few kilobytes each
+KEPT_LARGE = 4
+LARGE = 2**20  # bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ def rounds_in(folder: Path) -> list[int]:
 
 
 def write(folder: Path, checkpoint: Checkpoint) -> Path:
-    """Write atomically and remove what is older than the newest :data:`KEPT`."""
+    """Write atomically and remove what is older than the newest :data:`KEPT`, or KEPT_LARGE."""
     tensors = {"theta": checkpoint.theta}
     tensors |= {f"mixing.{name}": v for name, v in checkpoint.mixing.items()}
     tensors |= {f"optimizer.{name}": v for name, v in checkpoint.optimizer.items()}
@@ -65,9 +67,9 @@ def write(folder: Path, checkpoint: Checkpoint) -> Path:
     }
     final = path_of(folder, checkpoint.round)
     draft = final.with_suffix(".draft")
-    draft.write_bytes(save(tensors, notes))
+    size = draft.write_bytes(save(tensors, notes))
     draft.replace(final)
-    for old in rounds_in(folder)[:-KEPT]:
+    for old in rounds_in(folder)[: -(KEPT_LARGE if size > LARGE else KEPT)]:
         path_of(folder, old).unlink(missing_ok=True)
     return final
 

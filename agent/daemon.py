@@ -133,7 +133,8 @@ def run_agent(
             systemd.alive(f"round {life.at.round} of {config.rounds}")
         systemd.stopping()
         if stop.is_set():
-            checkpoint.write(folder.checkpoints(agent), life.at)
+            for unwritten in (*life.unwritten, life.at):
+                checkpoint.write(folder.checkpoints(agent), unwritten)
             log.info("round %d: told to stop, checkpoint written", life.at.round)
         else:
             life.state = "finished"
@@ -171,6 +172,9 @@ def _play(
     last = life.at.round >= config.rounds
     if last or life.at.round % config.checkpoint_every == 0:
         checkpoint.write(folder.checkpoints(rounds.agent), life.at)
+        life.unwritten.clear()
+    else:
+        life.unwritten.append(life.at)
     sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
     detailed = sparse or telemetry.due() or life.history.due(at.round)
     report = _report(rounds, at, outcome, time.monotonic() - start, detailed)

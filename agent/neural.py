@@ -123,14 +123,7 @@ class NeuralLearner:
 
     def _act(self, observations: Observations) -> Choice:
         """Sample an action for every observation."""
-        with torch.inference_mode():
-            logits, values = self._flat.network(self._tensor(observations))
-            log_probs = torch.log_softmax(logits, -1).cpu().numpy()
-        dice = self._random.random(len(observations))[:, None]
-        below = np.exp(log_probs, dtype=np.float64).cumsum(1)
-        actions = (below < dice * below[:, -1:]).sum(1)
-        chosen = np.take_along_axis(log_probs, actions[:, None], 1)[:, 0]
-        return Choice(actions, chosen, values.cpu().numpy())
+        return self._flat.choose(observations, self._random.random(len(observations)))
 
     def _learn(self, stretches: list[Stretch]) -> float:
         """Climb; returns the length of the first gradient."""

@@ -21,6 +21,7 @@ from pathlib import Path
 import msgspec
 
 from agent import checkpoint
+from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
 from agent.errors import CheckpointError
 from swarm.errors import ConfigError
@@ -87,6 +88,17 @@ class RunFolder:
                 continue
         text = msgspec.json.format(msgspec.json.encode(versions), indent=2)
         (self.path / "versions.json").write_bytes(text)
+
+    def newest(self, agent: str) -> Checkpoint:
+        """An agent's newest checkpoint.
+
+        Raises:
+            CheckpointError: it left none, or one that does not read.
+        """
+        held = checkpoint.rounds_in(self.checkpoints(agent))
+        if not held:
+            raise CheckpointError(f"{agent} left no checkpoint; see {self.log(agent)}")
+        return checkpoint.read(checkpoint.path_of(self.checkpoints(agent), held[-1]))
 
     def common_round(self, agents: tuple[str, ...]) -> int:
         """Newest round that every agent has a checkpoint of.

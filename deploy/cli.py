@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -22,6 +23,14 @@ from agent.runfolder import RunFolder
 from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
 from swarm.errors import ConfigError, SwarmError
+
+
+class Form(StrEnum):
+    """What a policy can be written as."""
+
+    SAFETENSORS = "safetensors"
+    ONNX = "onnx"
+
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -44,6 +53,13 @@ Scenes = Annotated[
     typer.Option(
         "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
     ),
+]
+Source = Annotated[
+    Path,
+    typer.Argument(metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False),
+]
+OneAgent = Annotated[
+    str | None, typer.Option(metavar="ID", help="Fly one agent's parameters, not the mean of all.")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -326,6 +342,59 @@ def fly(
 
     with _plain_errors():
         start(pilot, scenes or NAMES, flights, seed, as_json=json)
+
+
+@app.command("eval")
+def evaluate(
+    source: Source,
+    agent: OneAgent = None,
+    scenes: Annotated[
+        list[str] | None,
+        typer.Option("--scene", metavar="NAME", help="World; repeatable; default: all."),
+    ] = None,
+    flights: Annotated[int, typer.Option(min=1, help="Flights in each world and mode.")] = 100,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one per core.")] = 0,
+    json: AsJson = False,
+) -> None:
+    """Fly a learned policy in every world, greedily and by its dice; also writes RUN/eval.json."""
+    import msgspec  # noqa: PLC0415
+
+    from deploy.evaluate import evaluate as start  # noqa: PLC0415
+    from deploy.evaluate import print_evaluation  # noqa: PLC0415
+
+    result = start(
+        source, agent, flights, seed, jobs, scenes or (), lambda line: print(line, file=sys.stderr)
+    )
+    text = msgspec.json.format(msgspec.json.encode(result), indent=2)
+    if source.is_dir():
+        (source / "eval.json").write_bytes(text)
+    print(text.decode()) if json else print_evaluation(result)
+
+
+@app.command()
+def export(
+    source: Source,
+    agent: OneAgent = None,
+    form: Annotated[
+        Form, typer.Option("--format", help="safetensors for us, onnx for everybody.")
+    ] = Form.SAFETENSORS,
+    to: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Default: RUN/policy.FORMAT.")
+    ] = None,
+) -> None:
+    """Write the learned policy as one file: pictures in, action preferences out."""
+    from agent.pilot import Pilot  # noqa: PLC0415
+    from deploy.export import write_onnx  # noqa: PLC0415
+
+    pilot = Pilot.load(source, agent)
+    folder = source if source.is_dir() else source.parent
+    path = to or folder / f"policy.{form.value}"
+    if form is Form.ONNX:
+        write_onnx(pilot, path)
+    else:
+        pilot.save(path)
+    print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
 
 
 @contextmanager

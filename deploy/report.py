@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from agent import checkpoint
 from agent.config import SwarmFile
-from agent.errors import CheckpointError
 from agent.policies import Tabular, softmax
 from agent.runfolder import RunFolder
 from deploy.summary import print_summary
@@ -97,19 +95,12 @@ def _optimum(worlds: list[TabularEnv]) -> float | None:
         return None
 
 
-def _newest(folder: RunFolder, agent: str) -> NDArray[np.floating]:
-    held = checkpoint.rounds_in(folder.checkpoints(agent))
-    if not held:
-        raise CheckpointError(f"{agent} left no checkpoint; see {folder.log(agent)}")
-    return checkpoint.read(checkpoint.path_of(folder.checkpoints(agent), held[-1])).theta
-
-
 def report_result(folder: RunFolder, config: SwarmFile, record: bool) -> None:
     """Evaluate a finished run, keep the numbers, print the table, write the recording."""
     if not isinstance(config.policy, Tabular):
         print_summary(folder, config)
         return
-    result = evaluate(config, np.stack([_newest(folder, agent) for agent in config.members]))
+    result = evaluate(config, np.stack([folder.newest(agent).theta for agent in config.members]))
     folder.result.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
     console = Console(highlight=False)
     console.print(result_table(result))

@@ -1,27 +1,13 @@
 """What a run of networks has come to: the last flights of every agent, from its metrics file."""
 
-import msgspec
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from agent.config import SwarmFile
 from agent.runfolder import RunFolder
-from swarm.telemetry import RoundReport
 
 LAST = 0.1  # share of the rounds that counts as the end of a run
-
-
-def reports_of(folder: RunFolder, agent: str) -> list[RoundReport]:
-    """Every round that an agent has reported; a torn last line is left out."""
-    decoder = msgspec.json.Decoder(RoundReport)
-    reports = []
-    for line in folder.metrics(agent).read_bytes().splitlines():
-        try:
-            reports.append(decoder.decode(line))
-        except msgspec.MsgspecError:
-            continue
-    return reports
 
 
 def print_summary(folder: RunFolder, config: SwarmFile) -> None:
@@ -30,7 +16,7 @@ def print_summary(folder: RunFolder, config: SwarmFile) -> None:
     for heading in ("agent", "steps", "flights", "return", "length [m]"):
         table.add_column(heading, justify="left" if heading == "agent" else "right")
     for agent in config.members:
-        reports = reports_of(folder, agent)
+        reports = list(folder.reports(agent))
         last = reports[-max(1, round(LAST * len(reports))) :]
         lengths = [report.distance for report in last if report.distance is not None]
         table.add_row(
