@@ -180,6 +180,22 @@ def view(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write a recording, show nothing.")
     ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers.")] = False,
+    host: Annotated[
+        str, typer.Option(help="With --web: name by which browsers reach this machine.")
+    ] = "localhost",
+    ports: Annotated[
+        tuple[int, int], typer.Option(help="With --web: of the page, and of the data.")
+    ] = (9090, 9876),
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a picture at the end.")
+    ] = None,
+    headless: Annotated[
+        bool, typer.Option("--headless", help="With --screenshot: open no window.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Watch a running swarm for so long [s].")
+    ] = None,
     live: Annotated[
         bool | None,
         typer.Option(help="Attach to the running swarm, or show what the folder holds; "
@@ -188,6 +204,7 @@ def view(
 ) -> None:  # fmt: skip
     """Show a swarm in Rerun: live, attached at any time, or from a run folder."""
     try:
+        from deploy.viewer import Output  # noqa: PLC0415
         from deploy.viewer import view as show  # noqa: PLC0415
     except ImportError:
         raise SwarmError(
@@ -195,7 +212,8 @@ def view(
         ) from None
     from deploy.status import find_config  # noqa: PLC0415
 
-    show(find_config(target, settings or ()), save, live)
+    output = Output(save, web, host, ports, headless, screenshot, seconds)
+    show(find_config(target, settings or ()), output, live)
 
 
 @app.command()
