@@ -4,14 +4,12 @@ Each command is a page of arguments and a call; what it does stands in the room 
 user's mistake is one line on standard error and a non-zero exit code.
 """
 
-import logging
 import os
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
-from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from typing import Annotated
 
@@ -21,6 +19,7 @@ from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
 from deploy.cli_drones import app as drones
+from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
 from deploy.signals import stop_on_signals
 from swarm.errors import ConfigError, SwarmError
@@ -43,7 +42,6 @@ app = typer.Typer(
 app.add_typer(drones)
 app.add_typer(reproduce, name="reproduce")
 
-LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
@@ -116,6 +114,11 @@ def agent(
     supervised: Annotated[
         bool, typer.Option(help="Log to the run folder only; end when standard input closes.")
     ] = False,
+    metrics: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Serve /metrics for Prometheus, and /healthz."),
+    ] = None,
+    json_logs: Annotated[bool, typer.Option("--json-logs", help="Log JSON lines.")] = False,
 ) -> None:
     """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
     config = load(file, settings or ())
@@ -123,10 +126,10 @@ def agent(
     folder = RunFolder(run or Path("runs") / config.name)
     stop = stop_on_signals()
     folder.prepare(id_)
-    _log_to(folder.log(id_), id_, quiet=supervised)
+    log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    run_agent(config, id_, folder, stop, resume, begin)
+    run_agent(config, id_, folder, stop, resume, begin, metrics)
 
 
 @app.command()
@@ -143,6 +146,21 @@ def status(
     from deploy.status import find_config, show_status  # noqa: PLC0415
 
     raise typer.Exit(show_status(find_config(target, settings or ()), json, timeout))
+
+
+@app.command()
+def compose(
+    file: File,
+    settings: Settings = None,
+    context: Annotated[
+        str, typer.Option(metavar="DIR", help="This repository, from the compose file's folder.")
+    ] = ".",
+) -> None:
+    """Print a Docker Compose file for a swarm file: an agent and a vehicle each, and a viewer."""
+    from deploy.compose import compose_file  # noqa: PLC0415
+
+    source = " ".join([str(file), *(f"--set {setting}" for setting in settings or ())])
+    print(compose_file(load(file, settings or ()), source, context), end="")
 
 
 @app.command()
@@ -163,6 +181,22 @@ def view(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write a recording, show nothing.")
     ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers.")] = False,
+    host: Annotated[
+        str, typer.Option(help="With --web: name by which browsers reach this machine.")
+    ] = "localhost",
+    ports: Annotated[
+        tuple[int, int], typer.Option(help="With --web: of the page, and of the data.")
+    ] = (9090, 9876),
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a picture at the end.")
+    ] = None,
+    headless: Annotated[
+        bool, typer.Option("--headless", help="With --screenshot: open no window.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Watch a running swarm for so long [s].")
+    ] = None,
     live: Annotated[
         bool | None,
         typer.Option(help="Attach to the running swarm, or show what the folder holds; "
@@ -171,6 +205,7 @@ def view(
 ) -> None:  # fmt: skip
     """Show a swarm in Rerun: live, attached at any time, or from a run folder."""
     try:
+        from deploy.viewer import Output  # noqa: PLC0415
         from deploy.viewer import view as show  # noqa: PLC0415
     except ImportError:
         raise SwarmError(
@@ -178,7 +213,8 @@ def view(
         ) from None
     from deploy.status import find_config  # noqa: PLC0415
 
-    show(find_config(target, settings or ()), save, live)
+    output = Output(save, web, host, ports, headless, screenshot, seconds)
+    show(find_config(target, settings or ()), output, live)
 
 
 @app.command()
@@ -325,20 +361,6 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
     while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
         pass
     stop.set()
-
-
-def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
-    """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [
-        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
-    ]
-    if not quiet:
-        handlers.append(logging.StreamHandler())
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(asctime)s {agent_id} %(levelname)s %(message)s",
-        handlers=handlers,
-    )
 
 
 def main() -> None:
