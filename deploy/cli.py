@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -19,18 +18,11 @@ from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
 from deploy.cli_drones import app as drones
+from deploy.cli_policies import app as policies
 from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
 from deploy.signals import stop_on_signals
 from swarm.errors import ConfigError, SwarmError
-
-
-class Form(StrEnum):
-    """What a policy can be written as."""
-
-    SAFETENSORS = "safetensors"
-    ONNX = "onnx"
-
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -40,6 +32,7 @@ app = typer.Typer(
 )
 
 app.add_typer(drones)
+app.add_typer(policies)
 app.add_typer(reproduce, name="reproduce")
 
 File = Annotated[
@@ -55,12 +48,8 @@ Scenes = Annotated[
         "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
     ),
 ]
-Source = Annotated[
-    Path,
-    typer.Argument(metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False),
-]
-OneAgent = Annotated[
-    str | None, typer.Option(metavar="ID", help="Fly one agent's parameters, not the mean of all.")
+Device = Annotated[
+    str | None, typer.Option(metavar="cpu|cuda", help="Where networks compute (policy.device).")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -81,6 +70,7 @@ def up(
     chaos: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
     ] = None,
+    device: Device = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
     from deploy.chaos import load_faults  # noqa: PLC0415
@@ -88,12 +78,13 @@ def up(
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
+    settings = _on(device, settings)
     if resume is not None:
-        folder, config, begin = resume_run(resume, settings or ())
+        folder, config, begin = resume_run(resume, settings)
         faults = load_faults(chaos, config) if chaos else ()
     else:
         assert file is not None
-        config = load(file, settings or ())
+        config = load(file, settings)
         faults = load_faults(chaos, config) if chaos else ()
         folder, config, begin = prepare(config, run)
     raise typer.Exit(launch(folder, config, begin, record, faults))
@@ -119,9 +110,10 @@ def agent(
         typer.Option(metavar="HOST:PORT", help="Serve /metrics for Prometheus, and /healthz."),
     ] = None,
     json_logs: Annotated[bool, typer.Option("--json-logs", help="Log JSON lines.")] = False,
+    device: Device = None,
 ) -> None:
     """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
-    config = load(file, settings or ())
+    config = load(file, _on(device, settings))
     config.index(id_)
     folder = RunFolder(run or Path("runs") / config.name)
     stop = stop_on_signals()
@@ -290,59 +282,6 @@ def worlds(
         show(scenes or NAMES, sheet, width)
 
 
-@app.command("eval")
-def evaluate(
-    source: Source,
-    agent: OneAgent = None,
-    scenes: Annotated[
-        list[str] | None,
-        typer.Option("--scene", metavar="NAME", help="World; repeatable; default: all."),
-    ] = None,
-    flights: Annotated[int, typer.Option(min=1, help="Flights in each world and mode.")] = 100,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one per core.")] = 0,
-    json: AsJson = False,
-) -> None:
-    """Fly a learned policy in every world, greedily and by its dice; also writes RUN/eval.json."""
-    import msgspec  # noqa: PLC0415
-
-    from deploy.evaluate import evaluate as start  # noqa: PLC0415
-    from deploy.evaluate import print_evaluation  # noqa: PLC0415
-
-    result = start(
-        source, agent, flights, seed, jobs, scenes or (), lambda line: print(line, file=sys.stderr)
-    )
-    text = msgspec.json.format(msgspec.json.encode(result), indent=2)
-    if source.is_dir():
-        (source / "eval.json").write_bytes(text)
-    print(text.decode()) if json else print_evaluation(result)
-
-
-@app.command()
-def export(
-    source: Source,
-    agent: OneAgent = None,
-    form: Annotated[
-        Form, typer.Option("--format", help="safetensors for us, onnx for everybody.")
-    ] = Form.SAFETENSORS,
-    to: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Default: RUN/policy.FORMAT.")
-    ] = None,
-) -> None:
-    """Write the learned policy as one file: pictures in, action preferences out."""
-    from agent.pilot import Pilot  # noqa: PLC0415
-    from deploy.export import write_onnx  # noqa: PLC0415
-
-    pilot = Pilot.load(source, agent)
-    folder = source if source.is_dir() else source.parent
-    path = to or folder / f"policy.{form.value}"
-    if form is Form.ONNX:
-        write_onnx(pilot, path)
-    else:
-        pilot.save(path)
-    print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
-
-
 @contextmanager
 def _plain_errors() -> Iterator[None]:
     """The worlds raise the standard library's exceptions; a user sees their one line."""
@@ -354,6 +293,11 @@ def _plain_errors() -> Iterator[None]:
         ) from None
     except (ValueError, OSError) as error:
         raise ConfigError(str(error)) from None
+
+
+def _on(device: str | None, settings: list[str] | None) -> list[str]:
+    """The settings, with ``--device`` as one of them."""
+    return [*(settings or ()), *([f'policy.device="{device}"'] if device else [])]
 
 
 def _stop_at_end_of_input(stop: threading.Event) -> None:
