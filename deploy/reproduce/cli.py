@@ -1,5 +1,6 @@
 """``swarm reproduce``: one command a study."""
 
+import os
 from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
@@ -9,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from deploy.reproduce.claims import Options, Study, publish
+from deploy.reproduce.claims import Findings, Options, Study, publish
 from swarm.errors import SwarmError
 
 app = typer.Typer(
@@ -44,13 +45,8 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
     Raises:
         SwarmError: matplotlib is missing.
     """
-    if find_spec("matplotlib") is None:
-        raise SwarmError(
-            'figures need matplotlib, which is not installed: pip install "dcpg-swarm[figures]"'
-        )
-    errors, console = Console(stderr=True), Console(highlight=False)
-    if not console.is_terminal:
-        console.width = 120
+    _need_figures()
+    errors, console = Console(stderr=True), _console()
     good = True
     for name in names:
         study: Study = import_module(f"deploy.reproduce.{name}").study
@@ -64,6 +60,20 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
     raise typer.Exit(0 if good else 1)
 
 
+def _need_figures() -> None:
+    if find_spec("matplotlib") is None:
+        raise SwarmError(
+            'figures need matplotlib, which is not installed: pip install "dcpg-swarm[figures]"'
+        )
+
+
+def _console() -> Console:
+    console = Console(highlight=False)
+    if not console.is_terminal:
+        console.width = 120
+    return console
+
+
 def _command(name: str, about: str) -> None:
     @app.command(name, help=about, short_help=about)
     def command(
@@ -74,6 +84,50 @@ def _command(name: str, about: str) -> None:
 
 for _name, _about in STUDIES.items():
     _command(_name, _about)
+
+
+@app.command()
+def drones(
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="reinforce, a2c or ppo; repeatable; default: all."),
+    ] = None,
+    budget: Annotated[
+        int, typer.Option(min=1, help="Steps of every drone; 4000 episodes of 150 by default.")
+    ] = 600_000,
+    flights: Annotated[int, typer.Option(min=1, help="Per policy, world and mode.")] = 100,
+    jobs: Annotated[
+        int, typer.Option(min=0, help="Agents that learn at a time; 0: one per core.")
+    ] = 0,
+    runs: Annotated[
+        Path, typer.Option(metavar="DIR", help="Where the runs live; what is there goes on.")
+    ] = Path("runs/drones"),
+    out: Out = RESULTS,
+    json: AsJson = False,
+) -> None:
+    """The drone experiment: Table 1 and Fig. 3; hours.  Stopped, it goes on where it was."""
+    from deploy.reproduce.drones.runs import ESTIMATORS  # noqa: PLC0415
+    from deploy.reproduce.drones.table import study  # noqa: PLC0415
+
+    for name in estimator or ():
+        if name not in ESTIMATORS:
+            raise typer.BadParameter(f'"{name}": expected one of {", ".join(ESTIMATORS)}')
+    _need_figures()
+    chosen = [name for name in ESTIMATORS if name in (estimator or ESTIMATORS)]
+    errors, console = Console(stderr=True), _console()
+    with errors.status("drones") as status:
+        options = Options(out / "drones", 1, False, lambda text: status.update(f"drones: {text}"))
+
+        def whole(options: Options) -> Findings:
+            workers = jobs or os.cpu_count() or 1
+            return study(options, chosen, budget, flights, workers, runs, errors.print)
+
+        try:
+            good = publish("drones", whole, options, json, console)
+        except KeyboardInterrupt:
+            errors.print("stopped; the same command goes on where it was")
+            raise typer.Exit(130) from None
+    raise typer.Exit(0 if good else 1)
 
 
 @app.command("all")

@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
+from rerun.experimental import ViewerClient
 
 from agent.config import AgentEntry, SwarmFile, Task, load
 from agent.estimators import Exact
 from agent.runfolder import RunFolder
 from deploy.local import with_free_ports
 from deploy.status import Target
-from deploy.viewer import record_run, session, view
+from deploy.viewer import Output, outputs, record_run, session, view
 from deploy.viewer.drawing import Scene
 from deploy.viewer.moments import Event, Links, Moment, errors, events, history, links, thin
 from deploy.viewer.recorder import Recorder
-from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, world_of
+from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
 from swarm.errors import ConfigError, NetworkError, SwarmError
 from swarm.keys import Keys
 from swarm.roster import Roster
@@ -173,7 +174,7 @@ def test_thinning_keeps_the_ends_the_sketches_and_the_faults() -> None:
 
 def test_a_grid_world_is_drawn_as_its_cells() -> None:
     world = world_of(GRID)
-    assert world is not None
+    assert isinstance(world, CellWorld)
     cells = world.cells
     assert cells.shape == (10, 10)
     assert (cells[0, 0], cells[8, 2], cells[1, 8], cells[5, 5]) == (START, GOAL, OBSTACLE, FREE)
@@ -182,7 +183,7 @@ def test_a_grid_world_is_drawn_as_its_cells() -> None:
 
 def test_a_chain_is_a_row_and_an_unknown_world_is_left_out() -> None:
     chain = world_of(Task("sim:Chain-v0", {"task": 1}))
-    assert chain is not None
+    assert isinstance(chain, CellWorld)
     assert chain.cells.tolist() == [[GOAL, FREE, START, FREE, OBSTACLE]]
     assert world_of(Task("CartPole-v1")) is None
     assert world_of(Task("not_installed:World-v0")) is None
@@ -197,7 +198,7 @@ def test_only_what_is_new_makes_rows() -> None:
 
 def test_a_missing_edge_is_broken_by_a_node_in_its_middle() -> None:
     scene = Scene.of(RING)
-    nodes, edges = scene.network(frozenset({"drone0"}), Links((), (("drone0", "drone2"),)))
+    nodes, edges = scene.network(frozenset({"drone0"}), Links((), (("drone0", "drone2"),)), {})
     middle = nodes[-1]
     np.testing.assert_allclose(middle.place, (0, 0), atol=1e-4)  # across the circle
     assert edges == [("drone0", middle.name), (middle.name, "drone2")]
@@ -233,8 +234,11 @@ def test_a_run_folder_becomes_a_whole_recording(tmp_path: Path) -> None:
     assert rounds == [0, 0, 0, 0, 20, 30]
     assert texts[4:] == [["drone2 left after round 19"], ["drone2 joined"]]
     rounds, nodes = columns(path, "/graph", "GraphNodes:node_ids")
-    assert rounds == [0, 20, 30]
-    assert [len(row) for row in nodes] == [4, 6, 4]
+    assert rounds == list(range(0, 100, 10))
+    assert [len(row) for row in nodes] == [8] * 10  # a label on each of four edges
+    rounds, apart = scalars(path, "/edges/drone0-drone1")
+    assert (rounds, apart) == ([*range(0, 100, 10)], [1.0] * 10)
+    assert scalars(path, "/consensus_error/decay")[1][:2] == pytest.approx([1.5, 1.5 / 2**10])
 
     views = {
         chunk.to_record_batch().column("ViewBlueprint:space_origin").to_pylist()[0][0]
@@ -247,7 +251,7 @@ def test_a_run_folder_becomes_a_whole_recording(tmp_path: Path) -> None:
         "/events",
         "/return",
         "/consensus_error",
-        "/disagreement",
+        "/edges",
     }
 
 
@@ -307,7 +311,7 @@ def test_without_a_display_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(SwarmError, match=r"needs a display.*--save FILE\.rrd"):
-        view(Target(RING, None), None, None)
+        Output()
 
 
 def test_a_viewer_that_does_not_start_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -315,10 +319,10 @@ def test_a_viewer_that_does_not_start_is_one_line(monkeypatch: pytest.MonkeyPatc
         raise RuntimeError("no window")
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(rr, "spawn", fail)
-    monkeypatch.setattr(session, "_watch", lambda config, save: False)
-    with pytest.raises(SwarmError, match=r"--save FILE\.rrd \(no window\)"):
-        view(Target(RING, RunFolder(Path("none"))), None, None)
+    monkeypatch.setattr(ViewerClient, "spawn", fail)
+    monkeypatch.setattr(session, "_watch", lambda config, output, waits: False)
+    with pytest.raises(SwarmError, match=r"FILE\.png \(no window\)"):
+        view(Target(RING, RunFolder(Path("none"))), Output(), None)
 
 
 def test_closing_the_viewer_ends_the_session(
@@ -327,37 +331,37 @@ def test_closing_the_viewer_ends_the_session(
     def broken(timeout_sec: float) -> None:
         raise RuntimeError("severed")
 
-    def spawn(stream: rr.RecordingStream, scene: Scene) -> None:
+    def connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> None:
         stream.save(tmp_path / "instead.rrd")
         monkeypatch.setattr(stream, "flush", broken)
         monkeypatch.setattr(stream, "disconnect", lambda: monkeypatch.delattr(stream, "flush"))
 
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(session, "_spawn", spawn)
-    view(Target(RING, folder_of([ring(0)], tmp_path / "run")), None, False)
+    monkeypatch.setattr(outputs, "_connect", connect)
+    view(Target(RING, folder_of([ring(0)], tmp_path / "run")), Output(), False)
     assert capsys.readouterr().out == "the viewer was closed\n"
 
 
 def test_with_nobody_there_it_shows_the_folder_if_it_may(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(session, "_watch", lambda config, save: False)
+    monkeypatch.setattr(session, "_watch", lambda config, output, waits: False)
     folder, path = folder_of([ring(0)], tmp_path / "run"), tmp_path / "seen.rrd"
-    view(Target(RING, folder), path, None)
+    view(Target(RING, folder), Output(save=path), None)
     assert scalars(path, "/return/drone3") == ([0], [3.0])
     assert f"recording: {path} (0." in capsys.readouterr().out
     with pytest.raises(NetworkError, match="nobody of swarm"):
-        view(Target(RING, folder), path, True)
+        view(Target(RING, folder), Output(save=path), True)
     with pytest.raises(NetworkError, match="nobody of swarm"):
-        view(Target(RING, None), path, None)
+        view(Target(RING, None), Output(save=path), None)
 
 
 def test_a_users_mistakes_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="--no-live"):
-        view(Target(RING, None), tmp_path / "seen.rrd", False)
+        view(Target(RING, None), Output(save=tmp_path / "seen.rrd"), False)
     folder = folder_of([ring(0)], tmp_path / "run")
     with pytest.raises(ConfigError, match="cannot be written: No such file"):
-        view(Target(RING, folder), tmp_path / "nowhere" / "seen.rrd", False)
+        view(Target(RING, folder), Output(save=tmp_path / "nowhere" / "seen.rrd"), False)
 
 
 @pytest.mark.integration
@@ -376,14 +380,14 @@ def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
             Roster(zenoh, keys) as roster,
             TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
         ):
-            telemetry._publisher.declare_matching_listener(lambda status: watched.set())
+            telemetry._reports.declare_matching_listener(lambda status: watched.set())
             roster.announce("drone0", "1")
             assert watched.wait(20)
             telemetry.put(report(0, 99, sketch=(1.0,)), always=True)
 
     path, thread = tmp_path / "live.rrd", threading.Thread(target=agent)
     thread.start()
-    view(Target(config, None), path, None)
+    view(Target(config, None), Output(save=path), None)
     thread.join()
     assert scalars(path, "/return/drone0") == ([99], [0.99])
     _, texts = columns(path, "/events", "TextLog:text")

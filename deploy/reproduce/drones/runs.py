@@ -1,0 +1,121 @@
+"""The fifteen runs of the drone experiment: for each estimator one swarm and four agents alone.
+
+Every run is a swarm like any other; an agent alone is a swarm of one.  All runs take the same
+number of environment steps per agent.
+"""
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import msgspec
+
+from agent import checkpoint
+from agent.config import SwarmFile, load
+from agent.runfolder import RunFolder
+from swarm.telemetry import RoundReport
+
+ESTIMATORS = ("reinforce", "a2c", "ppo")
+SWARM = "dcpg"
+FIRST_PORT, PORTS = 17_450, 8  # so that runs side by side need not look for free ones at once
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run.
+
+    Attributes:
+        estimator: its kind.
+        name: ``dcpg``, or ``sa-0`` to ``sa-3`` for an agent alone.
+        folder: where it lives.
+        config: what is run.
+    """
+
+    estimator: str
+    name: str
+    folder: RunFolder
+    config: SwarmFile
+
+    @property
+    def label(self) -> str:
+        """Its name for people."""
+        return f"{self.estimator} {self.name}"
+
+    @property
+    def begun(self) -> bool:
+        """Whether there is something to resume."""
+        return all(checkpoint.rounds_in(self.folder.checkpoints(a)) for a in self.config.members)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every agent has played all rounds."""
+        return self.begun and all(
+            checkpoint.rounds_in(self.folder.checkpoints(agent))[-1] >= self.config.rounds
+            for agent in self.config.members
+        )
+
+    @property
+    def steps(self) -> int:
+        """Environment steps so far, all agents together."""
+        return sum(
+            report.steps for agent in self.config.members if (report := last(self.folder, agent))
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Wall time of the slowest agent's rounds so far [s], pauses left out."""
+        return max(sum(r.seconds for r in self.folder.reports(a)) for a in self.config.members)
+
+
+def last(folder: RunFolder, agent: str) -> RoundReport | None:
+    """An agent's newest report, without reading all of them."""
+    path = folder.metrics(agent)
+    if not path.exists():
+        return None
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 20_000))
+        lines = file.read().splitlines()
+    for line in reversed(lines):
+        try:
+            return msgspec.json.decode(line, type=RoundReport)
+        except msgspec.MsgspecError:
+            continue
+    return None
+
+
+def steps_per_round(config: SwarmFile) -> int:
+    """Environment steps of one agent in a round, on average."""
+    return config.training.worlds * config.training.segment
+
+
+def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
+    """The five runs of an estimator, the swarm first.
+
+    Args:
+        root: folder of all runs.
+        estimator: its kind.
+        budget: environment steps of every agent; at least so many are taken.
+        seed: of all of them.
+    """
+    source = Path(str(files("deploy") / "swarms" / f"drones-{estimator}.toml"))
+    whole = load(source)
+    rounds = -(-budget // steps_per_round(whole))
+    whole = msgspec.structs.replace(whole, rounds=rounds, seed=seed)
+    alone = [
+        msgspec.structs.replace(whole, name=f"sa-{i}-{estimator}", agents=(agent,))
+        for i, agent in enumerate(whole.agents)
+    ]
+    names = [SWARM, *(f"sa-{i}" for i in range(len(alone)))]
+    first = FIRST_PORT + ESTIMATORS.index(estimator) * len(names) * PORTS
+    return [
+        Run(
+            estimator,
+            name,
+            RunFolder(root / estimator / name),
+            msgspec.structs.replace(
+                config,
+                network=msgspec.structs.replace(config.network, base_port=first + PORTS * i),
+            ),
+        )
+        for i, (name, config) in enumerate(zip(names, [whole, *alone], strict=True))
+    ]

@@ -1,0 +1,142 @@
+"""Trains what is not yet trained, several runs side by side, and evaluates it.
+
+Runs are processes of ``swarm up``; stopped, they go on from their checkpoints when the same command
+is given again.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+
+from deploy.evaluate import Evaluation, evaluate
+from deploy.reproduce.drones.runs import Run, steps_per_round
+from swarm.errors import SwarmError
+
+POLL = 2.0  # [s]
+STOP_LIMIT = 20.0  # [s] for a run to write its checkpoints
+
+
+def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
+    """Bring every run to its last round.
+
+    Args:
+        runs: all of them; finished ones are left as they are.
+        jobs: so many agents at a time, or one run if it has more.
+        say: tells how far it is.
+
+    Raises:
+        SwarmError: a run failed; its own last line says why.
+    """
+    waiting = [run for run in runs if not run.finished]
+    everything = list(waiting)
+    running: dict[subprocess.Popen[bytes], Run] = {}
+    clock = _Clock(everything)
+    try:
+        while waiting or running:
+            busy = sum(len(run.config.members) for run in running.values())
+            while waiting and (not running or busy + len(waiting[0].config.members) <= jobs):
+                run = waiting.pop(0)
+                running[_start(run)] = run
+                busy += len(run.config.members)
+            for process in [p for p in running if p.poll() is not None]:
+                run = running.pop(process)
+                if not run.finished:
+                    raise SwarmError(f"{run.label}: {_last_line(_log(run))}")
+            say(clock.line(running.values()))
+            time.sleep(POLL)
+    finally:
+        _stop(running)
+
+
+def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], None]) -> None:
+    """Fly every run that has not been flown with as many flights."""
+    for run in runs:
+        path = run.folder.path / "eval.json"
+        if path.exists():
+            kept = msgspec.json.decode(path.read_bytes(), type=Evaluation)
+            if all(cell.flights >= flights for cells in kept.cells.values() for cell in cells):
+                continue
+        say(f"{run.label}: flying")
+        result = evaluate(
+            run.folder.path,
+            flights=flights,
+            jobs=jobs,
+            tell=lambda line, run=run: say(f"{run.label}: {line}"),  # type: ignore[misc]
+        )
+        path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+
+
+class _Clock:
+    """Estimates the time left from the steps of all runs."""
+
+    def __init__(self, runs: list[Run]) -> None:
+        self._runs = runs
+        self._total = sum(
+            run.config.rounds * steps_per_round(run.config) * len(run.config.members)
+            for run in runs
+        )
+        self._start, self._first = time.monotonic(), self._steps()
+
+    def _steps(self) -> int:
+        return sum(run.steps for run in self._runs)
+
+    def line(self, running: Iterable[Run]) -> str:
+        steps = self._steps()
+        names = ", ".join(f"{run.label} {_share(run):.0%}" for run in running)
+        elapsed, done = time.monotonic() - self._start, steps - self._first
+        if done <= 0:
+            return names
+        left = elapsed / done * (self._total - steps) / 60
+        return f"{names}; {done / elapsed:.0f} steps/s, {left:.0f} min of training left"
+
+
+def _share(run: Run) -> float:
+    total = run.config.rounds * steps_per_round(run.config) * len(run.config.members)
+    return run.steps / total
+
+
+def _log(run: Run) -> Path:
+    return run.folder.path.with_suffix(".log")
+
+
+def _start(run: Run) -> subprocess.Popen[bytes]:
+    folder = run.folder.path
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    if run.begun:
+        order = ["up", "--resume", str(folder), "--set", f"rounds={run.config.rounds}"]
+    else:
+        if run.folder.config.exists():  # stopped before its first checkpoint
+            run.folder.config.unlink()
+        file = folder.with_suffix(".json")
+        file.write_bytes(msgspec.json.format(msgspec.json.encode(run.config), indent=2))
+        order = ["up", str(file), "--run", str(folder), "--no-record"]
+    with _log(run).open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "deploy.cli", *order],
+            stdout=log,
+            stderr=log,
+            stdin=subprocess.DEVNULL,
+            env=os.environ | {"COLUMNS": "120"},
+        )
+
+
+def _stop(running: dict[subprocess.Popen[bytes], Run]) -> None:
+    for process in running:
+        process.terminate()
+    end = time.monotonic() + STOP_LIMIT
+    for process in running:
+        try:
+            process.wait(max(0.0, end - time.monotonic()))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _last_line(path: Path) -> str:
+    lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+    return lines[-1].removeprefix("swarm: ") if lines else "it said nothing"
