@@ -37,7 +37,7 @@ COMPANION = 191  # component id, MAV_COMP_ID_ONBOARD_COMPUTER
 class Timing:
     """How long to wait [s]."""
 
-    appear: float = 60.0  # until the vehicle is heard: it may have to compile
+    appear: float = 300.0  # until the vehicle is heard: it may have to compile
     answer: float = 0.5  # until a step is asked for again
     give_up: float = 10.0  # until the vehicle counts as dead
 
