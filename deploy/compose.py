@@ -6,12 +6,14 @@ there), so agents dial each other by service name and learn of the rest by gossi
 swarm file travels in the compose file itself.
 """
 
+import json
 from string import Template
 
 import msgspec
 from msgspec.structs import replace
 
 from agent.config import SwarmFile
+from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError
 
 PORT = 7447  # on which every agent listens in its container
@@ -33,41 +35,46 @@ x-build: &build
   args:
     BASE: $${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}
     TORCH_INDEX: $${TORCH_INDEX:-}
+    WORLDS: $worlds
 
 x-container: &container
   init: true
   restart: on-failure
-  read_only: true
-  tmpfs: [/tmp, "/var/cache/swarm:uid=10001,gid=10001,exec"]
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
   networks: [swarm]
-  configs: [{source: swarm, target: /etc/swarm/swarm.json}]
   stop_grace_period: 5s
+
+x-agent: &agent
+  <<: *container
+  image: dcpg-swarm-agent
+  configs: [{source: swarm, target: /etc/swarm/swarm.json}]
+
+x-vehicle: &vehicle
+  <<: *container
+  image: dcpg-swarm-vehicle
 
 services:
 """)
 AGENT = Template("""\
   $agent:
-    <<: *container
-    image: dcpg-swarm-agent
-    build: {<<: *build, target: agent}
+    <<: *agent
     command: [--id, $agent]
     depends_on: [$vehicle]
-    volumes: ["$agent:/var/lib/swarm"]
+    volumes: ["$agent:/var/lib/swarm"]$build_agent
 
   $vehicle:
-    <<: *container
-    image: dcpg-swarm-vehicle
-    build: {<<: *build, target: vehicle}
-    command: [--sysid, "$system"]
+    <<: *vehicle
+    command: [--sysid, "$system"]$build_vehicle
 
 """)
+BUILD = "\n    build: {<<: *build, target: %s}"  # said once for each image
 VIEWER = """\
   viewer:
     <<: *container
     image: dcpg-swarm-viewer
     build: {<<: *build, target: viewer}
+    configs: [{source: swarm, target: /etc/swarm/swarm.json}]
     networks: [swarm, outside]
     ports: ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]
 
@@ -132,9 +139,20 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
     """
     inside = in_containers(config)
     name = config.name.lower().replace(".", "-")
-    parts = [HEAD.substitute(source=source, name=name, context=context)]
+    scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
+    worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
+    parts = [HEAD.substitute(source=source, name=name, context=context, worlds=worlds)]
     for place, agent in enumerate(inside.members):
-        parts.append(AGENT.substitute(agent=agent, vehicle=vehicle_of(agent), system=place + 1))
+        first = place == 0
+        parts.append(
+            AGENT.substitute(
+                agent=agent,
+                vehicle=vehicle_of(agent),
+                system=place + 1,
+                build_agent=BUILD % "agent" if first else "",
+                build_vehicle=BUILD % "vehicle" if first else "",
+            )
+        )
     parts += [VIEWER, *(f"  {agent}:\n" for agent in inside.members)]
     text = msgspec.json.format(msgspec.json.encode(inside), indent=2).decode()
     text = text.replace("$", "$$")  # Compose would put variables in their place
