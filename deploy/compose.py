@@ -4,6 +4,9 @@ Interface: :func:`compose_file`.  Each agent has a container, beside it a vehicl
 serves the browser.  The containers share a network that leads nowhere else (Docker drops multicast
 there), so agents dial each other by service name and learn of the rest by gossip.  The resolved
 swarm file travels in the compose file itself.
+
+Where a task flies a vehicle (``body = "agent.vehicle.body:vehicle_bodies"``), it is the container
+beside the agent, in the same scene; the vehicles of other swarms stand by.
 """
 
 import json
@@ -12,11 +15,13 @@ from string import Template
 import msgspec
 from msgspec.structs import replace
 
-from agent.config import SwarmFile
+from agent.config import AgentEntry, SwarmFile, Task
 from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError
 
 PORT = 7447  # on which every agent listens in its container
+MAVLINK = 14580  # on which a vehicle listens
+BODY = "agent.vehicle.body:vehicle_bodies"
 SYSTEMS = 250  # MAVLink system ids are 1 to 250 for vehicles
 
 HEAD = Template("""\
@@ -65,7 +70,7 @@ AGENT = Template("""\
 
   $vehicle:
     <<: *vehicle
-    command: [--sysid, "$system"]$build_vehicle
+    command: [--sysid, "$system", --host, 0.0.0.0, --ground-port, "0"$scene]$build_vehicle
 
 """)
 BUILD = "\n    build: {<<: *build, target: %s}"  # said once for each image
@@ -108,7 +113,13 @@ def in_containers(config: SwarmFile) -> SwarmFile:
         if taken in config.members:
             raise ConfigError(f'agent "{taken}": expected an id that is no other service\'s')
     agents = tuple(
-        replace(agent, endpoint=f"tcp/{agent.id}:{PORT}", namespace=None, device=None)
+        replace(
+            agent,
+            endpoint=f"tcp/{agent.id}:{PORT}",
+            namespace=None,
+            device=None,
+            task=_beside_its_vehicle(agent),
+        )
         for agent in config.agents
     )
     network = replace(
@@ -119,6 +130,15 @@ def in_containers(config: SwarmFile) -> SwarmFile:
         shared_memory=False,  # containers do not share /dev/shm
     )
     return replace(config, agents=agents, network=network)
+
+
+def _beside_its_vehicle(agent: AgentEntry) -> Task:
+    kwargs = agent.task.kwargs
+    if kwargs.get("body") != BODY:
+        return agent.task
+    vehicle = f"udpout:{vehicle_of(agent.id)}:{MAVLINK}"
+    options = kwargs.get("body_options", {}) | {"vehicle": vehicle}
+    return replace(agent.task, kwargs=kwargs | {"body_options": options})
 
 
 def vehicle_of(agent: str) -> str:
@@ -142,12 +162,14 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
     scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
     worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
     parts = [HEAD.substitute(source=source, name=name, context=context, worlds=worlds)]
-    for place, agent in enumerate(inside.members):
-        first = place == 0
+    for place, agent in enumerate(inside.agents):
+        first, scene = place == 0, agent.task.kwargs.get("scene")
+        flies = scene in NAMES and agent.task.kwargs.get("body") == BODY
         parts.append(
             AGENT.substitute(
-                agent=agent,
-                vehicle=vehicle_of(agent),
+                agent=agent.id,
+                vehicle=vehicle_of(agent.id),
+                scene=f", --scene, {scene}" if flies else "",
                 system=place + 1,
                 build_agent=BUILD % "agent" if first else "",
                 build_vehicle=BUILD % "vehicle" if first else "",
