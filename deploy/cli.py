@@ -5,6 +5,7 @@ user's mistake is one line on standard error and a non-zero exit code.
 """
 
 import os
+import shlex
 import sys
 import threading
 from collections.abc import Iterator
@@ -133,11 +134,17 @@ def status(
     settings: Settings = None,
     json: AsJson = False,
     timeout: Annotated[float, typer.Option(help="How long to look for agents [s].")] = 2.0,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Look again and again, to Ctrl-C.")
+    ] = False,
 ) -> None:
     """Show the agents of a running swarm.  Exit code: 0 healthy, 1 degraded, 3 nobody."""
-    from deploy.status import find_config, show_status  # noqa: PLC0415
+    from deploy.status import find_config, show_status, watch_status  # noqa: PLC0415
 
-    raise typer.Exit(show_status(find_config(target, settings or ()), json, timeout))
+    if watch and json:
+        raise typer.BadParameter("expected either --json or --watch")
+    found = find_config(target, settings or ())
+    raise typer.Exit(watch_status(found, timeout) if watch else show_status(found, json, timeout))
 
 
 @app.command()
@@ -151,7 +158,7 @@ def compose(
     """Print a Docker Compose file for a swarm file: an agent and a vehicle each, and a viewer."""
     from deploy.compose import compose_file  # noqa: PLC0415
 
-    source = " ".join([str(file), *(f"--set {setting}" for setting in settings or ())])
+    source = shlex.join([str(file), *(word for s in settings or () for word in ("--set", s))])
     print(compose_file(load(file, settings or ()), source, context), end="")
 
 

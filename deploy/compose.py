@@ -4,17 +4,24 @@ Interface: :func:`compose_file`.  Each agent has a container, beside it a vehicl
 serves the browser.  The containers share a network that leads nowhere else (Docker drops multicast
 there), so agents dial each other by service name and learn of the rest by gossip.  The resolved
 swarm file travels in the compose file itself.
+
+Where a task flies a vehicle (``body = "agent.vehicle.body:vehicle_bodies"``), it is the container
+beside the agent, in the same scene; the vehicles of other swarms stand by.
 """
 
+import json
 from string import Template
 
 import msgspec
 from msgspec.structs import replace
 
-from agent.config import SwarmFile
+from agent.config import AgentEntry, SwarmFile, Task
+from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError
 
 PORT = 7447  # on which every agent listens in its container
+MAVLINK = 14580  # on which a vehicle listens
+BODY = "agent.vehicle.body:vehicle_bodies"
 SYSTEMS = 250  # MAVLink system ids are 1 to 250 for vehicles
 
 HEAD = Template("""\
@@ -33,41 +40,46 @@ x-build: &build
   args:
     BASE: $${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}
     TORCH_INDEX: $${TORCH_INDEX:-}
+    WORLDS: $worlds
 
 x-container: &container
   init: true
   restart: on-failure
-  read_only: true
-  tmpfs: [/tmp, "/var/cache/swarm:uid=10001,gid=10001,exec"]
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
   networks: [swarm]
-  configs: [{source: swarm, target: /etc/swarm/swarm.json}]
   stop_grace_period: 5s
+
+x-agent: &agent
+  <<: *container
+  image: dcpg-swarm-agent
+  configs: [{source: swarm, target: /etc/swarm/swarm.json}]
+
+x-vehicle: &vehicle
+  <<: *container
+  image: dcpg-swarm-vehicle
 
 services:
 """)
 AGENT = Template("""\
   $agent:
-    <<: *container
-    image: dcpg-swarm-agent
-    build: {<<: *build, target: agent}
+    <<: *agent
     command: [--id, $agent]
     depends_on: [$vehicle]
-    volumes: ["$agent:/var/lib/swarm"]
+    volumes: ["$agent:/var/lib/swarm"]$build_agent
 
   $vehicle:
-    <<: *container
-    image: dcpg-swarm-vehicle
-    build: {<<: *build, target: vehicle}
-    command: [--sysid, "$system"]
+    <<: *vehicle
+    command: [--sysid, "$system", --host, 0.0.0.0, --ground-port, "0"$scene]$build_vehicle
 
 """)
+BUILD = "\n    build: {<<: *build, target: %s}"  # said once for each image
 VIEWER = """\
   viewer:
     <<: *container
     image: dcpg-swarm-viewer
     build: {<<: *build, target: viewer}
+    configs: [{source: swarm, target: /etc/swarm/swarm.json}]
     networks: [swarm, outside]
     ports: ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]
 
@@ -101,7 +113,13 @@ def in_containers(config: SwarmFile) -> SwarmFile:
         if taken in config.members:
             raise ConfigError(f'agent "{taken}": expected an id that is no other service\'s')
     agents = tuple(
-        replace(agent, endpoint=f"tcp/{agent.id}:{PORT}", namespace=None, device=None)
+        replace(
+            agent,
+            endpoint=f"tcp/{agent.id}:{PORT}",
+            namespace=None,
+            device=None,
+            task=_beside_its_vehicle(agent),
+        )
         for agent in config.agents
     )
     network = replace(
@@ -112,6 +130,15 @@ def in_containers(config: SwarmFile) -> SwarmFile:
         shared_memory=False,  # containers do not share /dev/shm
     )
     return replace(config, agents=agents, network=network)
+
+
+def _beside_its_vehicle(agent: AgentEntry) -> Task:
+    kwargs = agent.task.kwargs
+    if kwargs.get("body") != BODY:
+        return agent.task
+    vehicle = f"udpout:{vehicle_of(agent.id)}:{MAVLINK}"
+    options = kwargs.get("body_options", {}) | {"vehicle": vehicle}
+    return replace(agent.task, kwargs=kwargs | {"body_options": options})
 
 
 def vehicle_of(agent: str) -> str:
@@ -132,9 +159,22 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
     """
     inside = in_containers(config)
     name = config.name.lower().replace(".", "-")
-    parts = [HEAD.substitute(source=source, name=name, context=context)]
-    for place, agent in enumerate(inside.members):
-        parts.append(AGENT.substitute(agent=agent, vehicle=vehicle_of(agent), system=place + 1))
+    scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
+    worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
+    parts = [HEAD.substitute(source=source, name=name, context=context, worlds=worlds)]
+    for place, agent in enumerate(inside.agents):
+        first, scene = place == 0, agent.task.kwargs.get("scene")
+        flies = scene in NAMES and agent.task.kwargs.get("body") == BODY
+        parts.append(
+            AGENT.substitute(
+                agent=agent.id,
+                vehicle=vehicle_of(agent.id),
+                scene=f", --scene, {scene}" if flies else "",
+                system=place + 1,
+                build_agent=BUILD % "agent" if first else "",
+                build_vehicle=BUILD % "vehicle" if first else "",
+            )
+        )
     parts += [VIEWER, *(f"  {agent}:\n" for agent in inside.members)]
     text = msgspec.json.format(msgspec.json.encode(inside), indent=2).decode()
     text = text.replace("$", "$$")  # Compose would put variables in their place

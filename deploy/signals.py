@@ -25,6 +25,18 @@ def stop_on_signals() -> threading.Event:
 
 
 @contextmanager
+def stop_meanwhile() -> Iterator[threading.Event]:
+    """As :func:`stop_on_signals`, until the end of the block."""
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    previous: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
+    try:
+        yield stop_on_signals()
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
 def stopping_at_signals() -> Iterator[None]:
     """Turn the first Ctrl-C or SIGTERM into StoppedError; later ones do not disturb a landing."""
     told = False

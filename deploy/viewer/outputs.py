@@ -24,6 +24,7 @@ from swarm.errors import ConfigError, NetworkError, SwarmError
 MEMORY = "1500MB"  # of a viewer
 BUFFER = "300MB"  # for those who connect later: of a window's server; a browser's has MEMORY
 PICTURE_LIMIT = 60.0  # [s] for a picture; without a graphics card it is painted on the processor
+NOTICES = 5.0  # [s] for which a viewer shows what it has to say at its start, over the pictures
 NO_DISPLAY = (
     "the viewer needs a display, and there is none: "
     "expected --save FILE.rrd, --web, or --headless --screenshot FILE.png"
@@ -142,6 +143,7 @@ def _spawn(headless: bool) -> ViewerClient:
         SwarmError: it does not start.
     """
     beside = Path(sys.executable).with_name("rerun")  # the venv need not be on the PATH
+    os.environ.setdefault("RUST_LOG", "off")  # it would show its log to those who look
     try:
         return ViewerClient.spawn(
             headless=headless,
@@ -161,6 +163,7 @@ def _photograph(client: ViewerClient, path: Path) -> None:
     Raises:
         SwarmError: none of them succeeded.
     """
+    time.sleep(NOTICES)
     end = time.monotonic() + PICTURE_LIMIT
     while True:
         try:

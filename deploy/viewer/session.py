@@ -6,17 +6,14 @@ somebody looks at waits for a swarm that goes away, and goes on when it is back.
 """
 
 import queue
-import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 from agent.config import SwarmFile
 from agent.runfolder import RunFolder
+from deploy.signals import stop_meanwhile
 from deploy.status import Target, observe
 from deploy.viewer.moments import Moment, history, remembered
 from deploy.viewer.outputs import Output, opened
@@ -87,7 +84,7 @@ def view(target: Target, output: Output, live: bool | None) -> None:
                 f'nobody of swarm "{config.name}" is on {endpoints}: '
                 "expected a running swarm, or a run folder as argument"
             )
-        with opened(config, output) as recorder, _interruptible() as stop:
+        with opened(config, output) as recorder, stop_meanwhile() as stop:
             recorder.take(history(folder, config))
             if output.web:
                 stop.wait()
@@ -107,7 +104,7 @@ def _watch(config: SwarmFile, output: Output, waits: bool) -> bool:
         watch_flights(session, keys, inbox.flights.put)
         if not roster.present() and not somebody.wait(LOOK) and not waits:
             return False
-        with opened(config, output) as recorder, _interruptible() as stop:
+        with opened(config, output) as recorder, stop_meanwhile() as stop:
             end = "stop with Ctrl-C" if output.stays else "until it ends, or Ctrl-C"
             print(f"watching swarm {config.name}; {end}", flush=True)
             recorder.take(remembered(ask_history(session, keys, RECALL)))
@@ -139,19 +136,3 @@ def _follow(
         if not output.stays and now - seen >= GONE:
             break
     recorder.take(batch, samples)
-
-
-@contextmanager
-def _interruptible() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set meanwhile."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    previous = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
