@@ -20,7 +20,7 @@ from sim.vehicle.server import Options
 from tests.integration.harness import Command, swarm
 from tests.integration.vehicles import HOST, vehicle
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 SPEED = 4.0  # simulated seconds per second
 SCENE = "indoor-long"
 
@@ -43,7 +43,7 @@ def fly(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
     """``swarm fly`` to its end, which takes its time."""
     with swarm("fly", *arguments, cwd=cwd) as command:
         try:
-            return command.wait(240.0), command.output
+            return command.wait(800.0), command.output
         except subprocess.TimeoutExpired:
             raise AssertionError(f"still flying: {command.output}") from None
 
