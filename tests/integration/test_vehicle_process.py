@@ -42,7 +42,7 @@ def test_two_vehicles_and_a_taken_port() -> None:
             assert process.stderr is not None
             assert f"vehicle {sysid} (" in process.stderr.readline()
         taken = command("--port", str(ports[0]))
-        _, words = taken.communicate(timeout=90)
+        _, words = taken.communicate(timeout=170)
         assert taken.returncode == 3
         assert re.fullmatch(r"swarm: vehicle 1 cannot listen on port \d+: .* in use\n", words)
         with (
@@ -71,7 +71,7 @@ def test_two_vehicles_and_a_taken_port() -> None:
 )
 def test_a_mistake_is_one_line(arguments: list[str], words: str) -> None:
     process = command(*arguments)
-    _, said = process.communicate(timeout=90)
+    _, said = process.communicate(timeout=170)
     assert process.returncode == 2
     assert words in said
     assert said.count("\n") == 1
