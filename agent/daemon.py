@@ -20,12 +20,13 @@ from agent import answers, checkpoint
 from agent.answers import Life
 from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
-from agent.learner import Learner
+from agent.learner import Attendance, Learner
 from agent.learners import build_learner
 from agent.metrics import serve_metrics
 from agent.notify import Systemd
 from agent.rounds import Outcome, Rounds
 from agent.runfolder import RunFolder
+from agent.spotter import Spotter
 from swarm.consensus import sketch
 from swarm.errors import ConfigError
 from swarm.exchange import Exchange
@@ -103,6 +104,8 @@ def run_agent(
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
         metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
         rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
+        spotter = Spotter(agent, telemetry, lambda: life.at.round)
+        learner.attendance = Attendance(stop.is_set, spotter.see)
         roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
         life.at = _catch_up(exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state

@@ -25,7 +25,7 @@ from agent.config import SwarmFile
 from agent.errors import TaskError
 from agent.estimators import ActorCritic, Exact
 from agent.flat import FlatAscent, FlatNetwork, Parts
-from agent.learner import Step, Vector
+from agent.learner import Attendance, Step, Stopped, Vector
 from agent.networks import build
 from agent.policies import Tabular
 from agent.returns import generalized_advantages, rewards_to_go
@@ -92,6 +92,14 @@ class NeuralLearner:
         self._random = np.random.default_rng(0)
         self._last = Ended(0.0, 0, None)
         self.optimizer_state: dict[str, Vector] = {}
+
+    @property
+    def attendance(self) -> Attendance:
+        return self._worlds.attendance
+
+    @attendance.setter
+    def attendance(self, attendance: Attendance) -> None:
+        self._worlds.attendance = attendance
 
     @property
     def parts(self) -> Parts:
@@ -163,6 +171,8 @@ class NeuralLearner:
         for _ in range(estimator.epochs):
             order = self._random.permutation(count) if parts > 1 else np.arange(count)
             for rows in np.array_split(order, parts):
+                if self.attendance.stopped():
+                    raise Stopped
                 length = self._flat.differentiate(
                     self._objectives(samples, rows), training.gradient_clip
                 )

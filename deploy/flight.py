@@ -18,7 +18,6 @@ import msgspec
 import numpy as np
 
 from agent.errors import VehicleError
-from agent.pilot import Pilot
 from agent.vehicle import Limits, Timing, Vehicle
 from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
 from deploy.pilots import make_pilot
@@ -86,6 +85,8 @@ def learned(source: Path, agent: str | None, *, greedy: bool, seed: int = 0) -> 
     Raises:
         ConfigError, CheckpointError: it cannot be read.
     """
+    from agent.pilot import Pilot  # noqa: PLC0415  (torch only where it is needed)
+
     pilot = Pilot.load(source, agent, seed)
 
     def decide(world: IndoorFlight, seen: Observation, fresh: bool) -> int:
@@ -122,6 +123,10 @@ def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
         VehicleError: the drone is not there, refuses, or the flight was broken off; it has been
             landed where that was possible.
     """
+    if not 0 < plan.speed <= plan.limits.speed:
+        raise ConfigError(
+            f"speed {plan.speed:g} m/s: expected more than 0, at most {plan.limits.speed:g}"
+        )
     try:
         scene = load(plan.scene)
         home = home_of(scene, plan.start)

@@ -61,10 +61,8 @@ class Link:
         data = self._connection.receive(timeout)
         if not data:
             return
-        for message in self._codec.parse_buffer(bytearray(data)) or ():
+        for message in self._parse(data):
             kind = message.get_type()
-            if kind == "BAD_DATA" or kind.startswith("UNKNOWN"):
-                continue
             self._keep(bytes(message.get_msgbuf()))
             if message.get_srcComponent() != AUTOPILOT:
                 continue
@@ -72,6 +70,27 @@ class Link:
                 self.system = self._codec.srcSystem = message.get_srcSystem()
             if message.get_srcSystem() == self.system:
                 yield message
+
+    def _parse(self, data: bytes) -> list[Message]:
+        """The messages that are whole, known and, with a key, genuine.
+
+        pymavlink 2.4 notes a signed frame's time before it checks the signature, so that a forged
+        frame from the future would make it deaf to the vehicle: only genuine times are kept.
+        """
+        signing = self._codec.signing
+        heard = dict(signing.stream_timestamps)
+        messages = []
+        for message in self._codec.parse_buffer(bytearray(data)) or ():
+            kind = message.get_type()
+            if kind == "BAD_DATA" or kind.startswith("UNKNOWN"):
+                continue
+            messages.append(message)
+            frame = message.get_msgbuf()
+            stream = (frame[-13], message.get_srcSystem(), message.get_srcComponent())
+            heard[stream] = int.from_bytes(frame[-12:-6], "little")
+        if signing.secret_key is not None:
+            signing.stream_timestamps = heard
+        return messages
 
     def _keep(self, frame: bytes) -> None:
         if self._record is not None:

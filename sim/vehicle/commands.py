@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.vehicle import setpoints, telemetry
+from sim.vehicle.arming import arm, disarm
 from sim.vehicle.dialect import Message, mavlink
 from sim.vehicle.flavours import Mode, px4_mode
 from sim.vehicle.frames import Doubles, Geodetic, ned_from_geodetic
@@ -153,9 +154,9 @@ def _arm(pilot: Autopilot, command: Command) -> None:
     if wanted not in {0, 1}:
         raise Refusal(DENIED)
     if wanted:
-        if pilot.arm() is not None:  # which says why itself
+        if arm(pilot) is not None:  # which says why itself
             raise Refusal(pilot.flavour.refusal)
-    elif not pilot.disarm(force=command.params[1] == MAGIC_FORCE):
+    elif not disarm(pilot, force=command.params[1] == MAGIC_FORCE):
         raise Refusal(pilot.flavour.refusal)
 
 
