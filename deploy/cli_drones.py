@@ -120,6 +120,9 @@ def fly(
     speed: Annotated[float, typer.Option(help="--vehicle: of a step [m/s].")] = 0.5,
     fence: Annotated[float, typer.Option(help="--vehicle: farthest from take-off [m].")] = 100.0,
     battery: Annotated[float, typer.Option(help="--vehicle: lands below this share.")] = 0.15,
+    sysid: Annotated[
+        int, typer.Option(min=0, help="--vehicle: its system id; 0: whichever is heard first.")
+    ] = 0,
     signing_key: Annotated[
         Path | None, typer.Option(metavar="FILE", help="--vehicle: sign messages.")
     ] = None,
@@ -162,6 +165,7 @@ def fly(
             speed=speed,
             flights=flights,
             seed=seed,
+            system=sysid,
             key=read_key(signing_key) if signing_key is not None else None,
             limits=Limits(fence=fence, battery=battery),
         )

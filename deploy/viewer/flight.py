@@ -31,6 +31,7 @@ from sim.indoor.mesh import Mesh
 from sim.indoor.scene import Scene
 
 TRAIL = 500  # steps; 200 m
+QUALITY = 85  # of the pictures; JPEG, a tenth of their size
 CEILING = 0.35  # m below the ceiling; what lies flat there is left out
 LEAVES = 20.0  # s for what was recorded to reach the disk
 PLOTS = ("reward", "speed", "height", "battery")
@@ -83,7 +84,7 @@ class FlightFilm:
             image_plane_distance=0.5,
         )
         self._log("world/drone/eye", eye)
-        self._log("world/drone/eye", rr.Image(picture))
+        self._log("world/drone/eye", rr.Image(picture).compress(jpeg_quality=QUALITY))
         self._trail = [*self._trail[1 - TRAIL :], pose[:3]]
         self._log("world/trail", rr.LineStrips3D([self._trail], colors=[DRONE], radii=[0.03]))
         self._log("reward", rr.Scalars(reward))

@@ -88,7 +88,7 @@ def lockstep_bodies(
 
     Raises:
         ValueError: an option is none.
-        TimeoutError: the vehicles do not start.
+        VehicleLostError: the vehicles do not start.
     """
     if flavour not in FLAVOURS:
         raise ValueError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')

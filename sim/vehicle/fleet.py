@@ -5,6 +5,7 @@ started it, reads its vehicles from standard input as JSON, flies each in a thre
 its standard input does: so it never outlives its parent, however that ends.
 """
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -37,12 +38,17 @@ class VehicleProcess:
             stdin=subprocess.PIPE,
         )
         assert self._process.stdin is not None
-        self._process.stdin.write(to_json(options) + b"\n")
-        self._process.stdin.flush()
+        with contextlib.suppress(BrokenPipeError):  # it has ended already: see ``alive``
+            self._process.stdin.write(to_json(options) + b"\n")
+            self._process.stdin.flush()
 
     @property
     def pid(self) -> int:
         return self._process.pid
+
+    def alive(self) -> bool:
+        """Whether it still runs."""
+        return self._process.poll() is None
 
     def release(self) -> None:
         """One user less."""
@@ -53,7 +59,8 @@ class VehicleProcess:
     def close(self) -> None:
         """End it; by force if it does not listen."""
         assert self._process.stdin is not None
-        self._process.stdin.close()
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
         try:
             self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -67,7 +74,7 @@ def start_all(
     """Start vehicles on free ports in one process, and clients that are connected; close them.
 
     Raises:
-        TimeoutError: they are not heard.
+        VehicleLostError: they are not heard.
     """
     clients = [LockstepClient(0, each.system, each.key, timing) for each in options]
     vehicles = VehicleProcess(
@@ -78,6 +85,7 @@ def start_all(
     )
     try:
         for client in clients:
+            client.alive = vehicles.alive
             client.connect()
     except BaseException:
         for client in clients:

@@ -7,9 +7,12 @@ Interface: :class:`LockstepClient`.  Used where training runs with the full vehi
 import math
 import socket
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import TracebackType
 from typing import NamedTuple, Self
+
+import gymnasium
 
 from sim.vehicle import server
 from sim.vehicle.codec import Attitude, Codec, LocalPosition, SetPointMessage
@@ -34,7 +37,7 @@ COMPANION = 191  # component id, MAV_COMP_ID_ONBOARD_COMPUTER
 class Timing:
     """How long to wait [s]."""
 
-    appear: float = 60.0  # until the vehicle is heard: it may have to compile
+    appear: float = 300.0  # until the vehicle is heard: it may have to compile
     answer: float = 0.5  # until a step is asked for again
     give_up: float = 10.0  # until the vehicle counts as dead
 
@@ -48,17 +51,31 @@ class VehicleState(NamedTuple):
     attitude: tuple[float, float, float]  # rad: roll, pitch, yaw
 
 
+class VehicleLostError(gymnasium.error.Error, TimeoutError):
+    """A vehicle does not answer, or its process has ended: an environment's error."""
+
+
 class LockstepClient:
     """Steps one vehicle over UDP.
 
+    Args:
+        port: where it is expected to send to; 0: a free one.
+        system: its system id.
+        key: 32 bytes; sign, and believe only what is signed.
+        timing: how long to wait.
+
+    Attributes:
+        alive: asked whether there is anybody to wait for, whenever nothing comes.
+
     Raises:
-        TimeoutError: the vehicle does not answer in time (every method).
+        VehicleLostError: the vehicle does not answer in time (every method).
         RuntimeError: it refuses (``place``).
     """
 
     def __init__(
         self, port: int = 0, system: int = 1, key: bytes | None = None, timing: Timing | None = None
     ) -> None:
+        self.alive: Callable[[], bool] = lambda: True
         self._timing = timing or Timing()
         self._system = system
         self._codec = Codec(system, COMPANION, key)
@@ -169,11 +186,13 @@ class LockstepClient:
         """What one datagram holds; remembers the state in it."""
         left = end - time.monotonic()
         if left <= 0:
-            raise TimeoutError(f"vehicle {self._system} does not answer on port {self.port}")
+            raise VehicleLostError(f"vehicle {self._system} does not answer on port {self.port}")
         self._socket.settimeout(min(left, self._timing.answer))
         try:
             data, peer = self._socket.recvfrom(65_536)
         except (TimeoutError, ConnectionError):
+            if not self.alive():
+                raise VehicleLostError(f"the process of vehicle {self._system} has ended") from None
             return []
         messages = self._codec.decode_all(data)
         if messages and self._peer is None:

@@ -13,7 +13,7 @@ import pytest
 from agent.vehicle import Timing, Vehicle
 from sim.vehicle.flavours import ARDUPILOT, PX4, Flavour
 from sim.vehicle.fleet import from_json, start, to_json
-from sim.vehicle.lockstep import LockstepClient
+from sim.vehicle.lockstep import LockstepClient, VehicleLostError
 from sim.vehicle.quadrotor import NOISY, Weather
 from sim.vehicle.server import Options
 from tests.integration.vehicles import HOST, free_port
@@ -121,8 +121,8 @@ def test_lost_datagrams_are_healed_and_a_dead_vehicle_is_noticed() -> None:
             assert after.time_boot_ms == state.time_boot_ms + 400 * (k + 1)
         assert lossy.lost > 10
         process.close()
-        client._timing = type(client._timing)(answer=0.05, give_up=0.3)
-        with pytest.raises(TimeoutError, match="does not answer"):
+        client._timing = type(client._timing)(answer=0.05, give_up=30.0)
+        with pytest.raises(VehicleLostError, match="the process of vehicle 1 has ended"):
             client.wait()
     finally:
         client.close()
@@ -171,6 +171,6 @@ def test_nobody_there() -> None:
 
     with (
         LockstepClient(timing=Patience(appear=0.2)) as client,
-        pytest.raises(TimeoutError, match="does not answer"),
+        pytest.raises(VehicleLostError, match="does not answer"),
     ):
         client.connect()
