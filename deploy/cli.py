@@ -194,7 +194,7 @@ def view(
         bool, typer.Option("--headless", help="With --screenshot: open no window.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(help="Watch a running swarm for so long [s].")
+        float | None, typer.Option(help="Watch for so long, there or not [s].")
     ] = None,
     live: Annotated[
         bool | None,

@@ -43,7 +43,8 @@ class Output:
         ports: of the page and of the data.
         headless: a viewer without a window.
         screenshot: PNG to write at the end.
-        seconds: how long to watch a running swarm; None: until it ends, or (``stays``) Ctrl-C.
+        seconds: how long to watch, whether the swarm is there or not; None: until it ends, or
+            where somebody looks, until Ctrl-C.
     """
 
     save: Path | None = None
@@ -66,8 +67,8 @@ class Output:
 
     @property
     def stays(self) -> bool:
-        """Whether it outlives the swarm: somebody looks at it, and the swarm may come back."""
-        return self.seconds is None and self.save is None and not self.headless
+        """Whether it outlives the swarm: somebody looks, or wants so many seconds of it."""
+        return self.seconds is not None or (self.save is None and not self.headless)
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """The viewer: pure moments and rows, and recordings read back with Rerun's own reader."""
 
-import threading
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -11,23 +10,26 @@ import numpy as np
 import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
-from rerun.experimental import ViewerClient
 
-from agent.config import AgentEntry, SwarmFile, Task, load
+from agent.config import AgentEntry, SwarmFile, Task
 from agent.estimators import Exact
 from agent.runfolder import RunFolder
-from deploy.local import with_free_ports
-from deploy.status import Target
-from deploy.viewer import Output, outputs, record_run, session, view
+from deploy.viewer import record_run
 from deploy.viewer.drawing import Scene
-from deploy.viewer.moments import Event, Links, Moment, errors, events, history, links, thin
+from deploy.viewer.moments import (
+    Event,
+    Links,
+    Moment,
+    errors,
+    events,
+    history,
+    links,
+    remembered,
+    thin,
+)
 from deploy.viewer.recorder import Recorder
 from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
-from swarm.errors import ConfigError, NetworkError, SwarmError
-from swarm.keys import Keys
-from swarm.roster import Roster
-from swarm.session import open_session
-from swarm.telemetry import RoundReport, TelemetryPublisher
+from swarm.telemetry import RoundReport
 
 GRID = Task("sim:GridWorld-v0", {"layout": "a", "task": 0})
 RING = SwarmFile(
@@ -156,6 +158,15 @@ def test_a_moment_follows_from_what_arrives_and_who_is_here() -> None:
     assert parting.present == {"drone0", "drone1"}
     last = parting.then([], set(), 7.0)
     assert (last.present, last.reports, last.round) == (frozenset(), {}, 9)
+
+
+def test_what_agents_remember_becomes_rounds_that_all_have_finished() -> None:
+    coarse = [report(0, k) for k in range(0, 12, 4)]  # an old agent remembers every fourth round
+    fine = [report(1, k) for k in range(6, 11)]  # a young one all of its few
+    moments = remembered({"drone0": coarse, "drone1": fine, "drone2": []})
+    assert [moment.round for moment in moments] == [0, 4, 8]
+    assert moments[-1].present == {"drone0", "drone1"}
+    assert remembered({}) == []
 
 
 def test_thinning_keeps_the_ends_the_sketches_and_the_faults() -> None:
@@ -301,94 +312,3 @@ def test_an_empty_run_is_an_empty_recording(tmp_path: Path) -> None:
     path = tmp_path / "recording.rrd"
     record_run(folder_of([], tmp_path / "run"), RING, path)
     assert columns(path, "/events", "TextLog:text") == ([], [])
-
-
-# -- view ------------------------------------------------------------------------------------------
-
-
-def test_without_a_display_it_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.platform", "linux")
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(SwarmError, match=r"needs a display.*--save FILE\.rrd"):
-        Output()
-
-
-def test_a_viewer_that_does_not_start_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(**options: object) -> None:
-        raise RuntimeError("no window")
-
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(ViewerClient, "spawn", fail)
-    monkeypatch.setattr(session, "_watch", lambda config, output, waits: False)
-    with pytest.raises(SwarmError, match=r"FILE\.png \(no window\)"):
-        view(Target(RING, RunFolder(Path("none"))), Output(), None)
-
-
-def test_closing_the_viewer_ends_the_session(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def broken(timeout_sec: float) -> None:
-        raise RuntimeError("severed")
-
-    def connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> None:
-        stream.save(tmp_path / "instead.rrd")
-        monkeypatch.setattr(stream, "flush", broken)
-        monkeypatch.setattr(stream, "disconnect", lambda: monkeypatch.delattr(stream, "flush"))
-
-    monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr(outputs, "_connect", connect)
-    view(Target(RING, folder_of([ring(0)], tmp_path / "run")), Output(), False)
-    assert capsys.readouterr().out == "the viewer was closed\n"
-
-
-def test_with_nobody_there_it_shows_the_folder_if_it_may(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(session, "_watch", lambda config, output, waits: False)
-    folder, path = folder_of([ring(0)], tmp_path / "run"), tmp_path / "seen.rrd"
-    view(Target(RING, folder), Output(save=path), None)
-    assert scalars(path, "/return/drone3") == ([0], [3.0])
-    assert f"recording: {path} (0." in capsys.readouterr().out
-    with pytest.raises(NetworkError, match="nobody of swarm"):
-        view(Target(RING, folder), Output(save=path), True)
-    with pytest.raises(NetworkError, match="nobody of swarm"):
-        view(Target(RING, None), Output(save=path), None)
-
-
-def test_a_users_mistakes_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="--no-live"):
-        view(Target(RING, None), Output(save=tmp_path / "seen.rrd"), False)
-    folder = folder_of([ring(0)], tmp_path / "run")
-    with pytest.raises(ConfigError, match="cannot be written: No such file"):
-        view(Target(RING, folder), Output(save=tmp_path / "nowhere" / "seen.rrd"), False)
-
-
-@pytest.mark.integration
-def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
-    base = load(Path("deploy/swarms/gridworld-a.toml"))
-    config = with_free_ports(msgspec.structs.replace(base, rounds=100, name="watched"))
-    keys = Keys(config.name)
-
-    def agent() -> None:
-        """Announces drone0, waits for a watcher, reports the last round and is gone."""
-        watched = threading.Event()
-        with (
-            open_session(
-                config.network, config.party("drone0"), [config.endpoint("drone0")], ()
-            ) as zenoh,
-            Roster(zenoh, keys) as roster,
-            TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
-        ):
-            telemetry._reports.declare_matching_listener(lambda status: watched.set())
-            roster.announce("drone0", "1")
-            assert watched.wait(20)
-            telemetry.put(report(0, 99, sketch=(1.0,)), always=True)
-
-    path, thread = tmp_path / "live.rrd", threading.Thread(target=agent)
-    thread.start()
-    view(Target(config, None), Output(save=path), None)
-    thread.join()
-    assert scalars(path, "/return/drone0") == ([99], [0.99])
-    _, texts = columns(path, "/events", "TextLog:text")
-    assert texts == [["drone0 joined"], ["drone0 finished"]]
