@@ -20,7 +20,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType, TracebackType
 from typing import Self
 
-import numpy as np
 import zenoh
 
 from swarm.compression import Codec, Plain
@@ -28,12 +27,12 @@ from swarm.errors import PayloadError
 from swarm.guard import Guard
 from swarm.inbox import Inbox
 from swarm.keys import Keys
+from swarm.parcels import Parcels, unwrap
 from swarm.payload import (
     PROTOCOL,
     Layout,
     Message,
     ParameterHeader,
-    Vector,
     decode_body,
     decode_header,
     encode_header,
@@ -80,6 +79,7 @@ class Exchange:
         timing: the time limits.
         roster: who is present, and in which life.
         waits: whether a slow neighbour may hold this agent up, rather than miss a message.
+        shared_memory: whether large bodies may go through /dev/shm.
     """
 
     def __init__(
@@ -93,6 +93,7 @@ class Exchange:
         timing: Timing,
         roster: Roster,
         waits: bool = True,
+        shared_memory: bool = True,
     ) -> None:
         self._session, self._keys = session, keys
         self._agent, self._incarnation = me
@@ -102,7 +103,8 @@ class Exchange:
         self._late: set[str] = set()
         self._taken: dict[str, Message] = {}
         self._guard = Guard()
-        self._outgoing: tuple[bytes, bytes] = (b"", b"")
+        self._parcels = Parcels(shared_memory)
+        self._outgoing: tuple[bytes, zenoh.ZBytes] = (b"", zenoh.ZBytes(b""))
         self._nearby: tuple[str, ...] = ()
         self._published = 0.0  # monotonic time of the round's publication [s]
         self._durations: deque[float] = deque(maxlen=REMEMBERED)
@@ -124,8 +126,9 @@ class Exchange:
             if len(sample.payload) == 0:
                 self._inbox.touch(header.agent)
                 return
-            vector = decode_body(sample.payload.to_bytes(), self._layout, self._codec)
-            self._check_norm(vector)
+            # No honest neighbour is further out; a poisoner stays within this, if at all.
+            longest = NORM_FACTOR * max(self._norm, 1.0)
+            vector = decode_body(unwrap(sample.payload), self._layout, self._codec, longest)
         except PayloadError as error:
             self._guard.reject(sender, error)
         else:
@@ -147,14 +150,6 @@ class Exchange:
             raise PayloadError(
                 "incarnation",
                 f"{header.agent} in its life {header.incarnation}: expected {known}",
-            )
-
-    def _check_norm(self, vector: Vector) -> None:
-        """No honest neighbour is this far out; a poisoner stays within this, if at all."""
-        norm, limit = float(np.linalg.norm(vector)), NORM_FACTOR * max(self._norm, 1.0)
-        if norm > limit:
-            raise PayloadError(
-                "norm", f"parameters of norm {norm:.3g}: expected at most {limit:.3g}"
             )
 
     @property
@@ -193,7 +188,7 @@ class Exchange:
         """
         self._norm = norm
         header = self._header(self._layout, round_, neighbours, used)
-        self._outgoing, self._nearby = (encode_header(header), body), neighbours
+        self._outgoing, self._nearby = (encode_header(header), self._parcels.wrap(body)), neighbours
         self._published = time.monotonic()
         self._send()
 

@@ -7,6 +7,7 @@ finiteness after decoding.  Nothing received is unpickled, evaluated or trusted 
 """
 
 import hashlib
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -131,18 +132,31 @@ def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
     return header
 
 
-def decode_body(body: bytes, layout: Layout, codec: Codec) -> Vector:
+def decode_body(body: bytes, layout: Layout, codec: Codec, longest: float = math.inf) -> Vector:
     """Read the vector that came with a good header.
 
+    Args:
+        body: as received.
+        layout: own layout.
+        codec: its encoding.
+        longest: largest Euclidean norm of an honest sender's vector.
+
     Raises:
-        PayloadError: cause ``length`` or ``finite``.
+        PayloadError: cause ``length``, ``finite`` or ``norm``.
     """
     vector = codec.decode(body, layout.size * layout.copies, layout.dtype)
-    if not _all_finite(vector):
-        raise PayloadError("finite", "parameters are not finite")
+    norm = _norm(vector)
+    if norm > longest:
+        raise PayloadError("norm", f"parameters of norm {norm:.3g}: expected at most {longest:.3g}")
     return vector
 
 
-def _all_finite(vector: Vector) -> bool:
+def _norm(vector: Vector) -> float:
+    """Norm of a vector that is finite: large vectors are read once for both."""
     with np.errstate(over="ignore"):  # a large sum of squares only asks for a closer look
-        return bool(np.isfinite(np.dot(vector, vector)) or np.isfinite(vector).all())
+        square = float(np.dot(vector, vector))
+    if math.isfinite(square):
+        return math.sqrt(square)
+    if not np.isfinite(vector).all():
+        raise PayloadError("finite", "parameters are not finite")
+    return float(np.linalg.norm(vector.astype(np.float64)))
