@@ -48,15 +48,17 @@ class Poison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             of that standard deviation; ``shift``: their parameters, ``strength`` added to every
             second one.
         strength: how much.
+        first: round in which they begin.
     """
 
     agents: tuple[str, ...]
     attack: Attack
     strength: float
+    first: int = 0
 
     def spoil(self, round_: int, sender: str, vector: Vector) -> Vector:
         """What the others get in place of ``vector``."""
-        if sender not in self.agents:
+        if sender not in self.agents or round_ < self.first:
             return vector
         match self.attack:
             case "opposite":

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from swarm.compression import Codec, FloatType
 from swarm.errors import PayloadError
 
-PROTOCOL = 1  # raise it when the meaning of a header or body changes
+PROTOCOL = 2  # raise it when the meaning of a header or body changes
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
@@ -75,6 +75,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
             each other, and its weight follows from both lists' lengths.
         used: weights that the sender used in its last rounds, by round and neighbour; see
             :mod:`swarm.ledger`.
+        pace: what the sender takes for the swarm's duration of a round [s]; 0: not asynchronous.
     """
 
     version: int
@@ -84,6 +85,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     round: int
     neighbours: tuple[str, ...]
     used: dict[int, dict[str, float]] = {}
+    pace: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +105,10 @@ def encode_header(header: ParameterHeader) -> bytes:
     return _encoder.encode(header)
 
 
-def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
-    """Read a header and check it against one's own layout.
+def decode_header(
+    attachment: bytes | None, layout: Layout, last: int | None = None
+) -> ParameterHeader:
+    """Read a header and check it against one's own layout, and the ``last`` round if there is one.
 
     Raises:
         PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint`` or
@@ -127,8 +131,9 @@ def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
             f"parameters of another layout, fingerprint {header.fingerprint!r}: "
             f"expected {layout.fingerprint!r}",
         )
-    if header.round < 0:
-        raise PayloadError("round", f"round {header.round}: expected 0 or more")
+    if header.round < 0 or (last is not None and header.round > last):
+        window = f"0 to {last}" if last is not None else "0 or more"
+        raise PayloadError("round", f"round {header.round}: expected {window}")
     return header
 
 
@@ -145,10 +150,19 @@ def decode_body(body: bytes, layout: Layout, codec: Codec, longest: float = math
         PayloadError: cause ``length``, ``finite`` or ``norm``.
     """
     vector = codec.decode(body, layout.size * layout.copies, layout.dtype)
+    check_norm(vector, longest)
+    return vector
+
+
+def check_norm(vector: Vector, longest: float) -> None:
+    """No honest neighbour is further out than ``longest``; a poisoner stays within, if at all.
+
+    Raises:
+        PayloadError: cause ``finite`` or ``norm``.
+    """
     norm = _norm(vector)
     if norm > longest:
         raise PayloadError("norm", f"parameters of norm {norm:.3g}: expected at most {longest:.3g}")
-    return vector
 
 
 def _norm(vector: Vector) -> float:
