@@ -309,7 +309,7 @@ class Exchange:
         again and again would pull this agent back to them.  When a neighbour has reached the
         ``last`` round, so does this agent.
         """
-        start = time.monotonic()
+        start, waited = time.monotonic(), 0.0
         while not stop.is_set():
             seen, rounds = self._inbox.count, self._inbox.rounds()
             present = self._roster.present()
@@ -318,15 +318,15 @@ class Exchange:
             self._late &= behind
             if not behind - self._late:
                 break
-            if time.monotonic() - start > self._timing.round_floor:
+            if waited > self._timing.round_floor:
                 self._late |= behind
             self._inbox.wait(seen, TICK)
+            waited = time.monotonic() - start
         newest = self._inbox.newest(neighbours)
         arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
         self._taken |= arrived
         missing = tuple(agent for agent in neighbours if agent not in arrived)
         done = any(message.header.round >= last for message in newest.values())
-        waited = time.monotonic() - start
         return Gathered(arrived, missing, newest, last if done else None, waited)
 
     # --- joining ----------------------------------------------------------------------------

@@ -190,13 +190,13 @@ def print_peers(console: Console, groups: dict[str, Group]) -> None:
         console.print(table)
     for size, ours, other, limit in REQUIRED:
         if other in found[size]:
-            wall, cpu = (
+            by = [
                 median(found[size], ours, which) / median(found[size], other, which)
                 for which in (0, 1)
-            )
+            ]
             console.print(
                 f"{'5.12 MB' if size == C3F2 else '10 KB'}: {PEERS[ours]}, of {PEERS[other]}: "
-                f"{wall:.2f} (required: {limit:g}), in CPU time {cpu:.2f}"
+                f"{by[0]:.2f} (required: {limit:g}), in CPU time {by[1]:.2f}"
             )
 
 

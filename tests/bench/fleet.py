@@ -52,7 +52,8 @@ def main() -> None:
         file.write_bytes(msgspec.json.encode(config))
         command = [sys.executable, "-m", "deploy.cli", "up", str(file), "--run", str(run)]
         process = subprocess.Popen([*command, "--no-record"], stdout=subprocess.DEVNULL)
-        reports, sizes, end = RunFolder(run), [], time.monotonic() + LIMIT
+        reports, end = RunFolder(run), time.monotonic() + LIMIT
+        sizes: list[tuple[float, float]] = []
         try:
             while process.poll() is None and time.monotonic() < end:
                 last = reports.metrics(config.members[-1])

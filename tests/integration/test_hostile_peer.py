@@ -145,8 +145,10 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
     options = [word for setting in settings for word in ("--set", setting)]
     with ExitStack() as stack:
         for member in MEMBERS:
-            command = ("agent", file, "--id", member, "--run", tmp_path / member, *options)
-            stack.enter_context(swarm(*command, cwd=tmp_path))
+            folder = tmp_path / member
+            stack.enter_context(
+                swarm("agent", file, "--id", member, "--run", folder, *options, cwd=tmp_path)
+            )
         session = stack.enter_context(observe(config))
         replayed: list[tuple[bytes, bytes]] = []
 
