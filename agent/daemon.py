@@ -6,37 +6,39 @@ more, leave.  Told to stop, it ends with the checkpoint of the last whole round.
 """
 
 import logging
-import os
 import threading
 import time
-from collections import deque
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
-import zenoh
 
-from agent import checkpoint
+from agent import answers, checkpoint
+from agent.answers import Life
 from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
-from agent.learner import Learner
+from agent.learner import Attendance, Learner
 from agent.learners import build_learner
+from agent.metrics import serve_metrics
+from agent.notify import Systemd
 from agent.rounds import Outcome, Rounds
 from agent.runfolder import RunFolder
+from agent.spotter import Spotter
 from swarm.consensus import sketch
 from swarm.errors import ConfigError
 from swarm.exchange import Exchange
+from swarm.history import serve_history
 from swarm.keys import Keys
 from swarm.mixing import RULES, Mixer
 from swarm.payload import Layout
 from swarm.roster import Roster
 from swarm.session import open_session
-from swarm.telemetry import AgentStatus, NeighbourStatus, RoundReport, TelemetryPublisher
+from swarm.telemetry import RoundReport, TelemetryPublisher
 
 log = logging.getLogger(__name__)
-UNWRITTEN = 3  # checkpoints kept in memory: neighbours stop within so many rounds of each other
 SKETCHES = 200  # sketches and routes in the metrics file of one run
 
 
@@ -51,16 +53,6 @@ def layout_of(config: SwarmFile, learner: Learner) -> Layout:
     )
 
 
-@dataclass(slots=True)
-class Life:
-    """What the agent's threads share: written by the rounds, read by who answers questions."""
-
-    state: str
-    at: Checkpoint
-    report: RoundReport | None = None
-    unwritten: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=UNWRITTEN))
-
-
 def run_agent(
     config: SwarmFile,
     agent: str,
@@ -68,6 +60,7 @@ def run_agent(
     stop: threading.Event,
     resume: bool = False,
     begin: int | None = None,
+    metrics_at: str | None = None,
 ) -> int:
     """Run one agent to the end of its rounds, or until it is told to stop.
 
@@ -78,6 +71,7 @@ def run_agent(
         stop: set it, and the agent ends within a second with a checkpoint.
         resume: go on from its newest checkpoint.
         begin: with ``resume``, go on from the checkpoint of this round instead.
+        metrics_at: ``HOST:PORT`` for :mod:`agent.metrics`.
 
     Returns:
         The round it reached.
@@ -92,14 +86,13 @@ def run_agent(
     incarnation = f"{time.time_ns():x}"
     first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
     mixer = Mixer(config.mixing)
-    life = Life("waiting", first)
+    life, systemd = Life("waiting", first), Systemd()
     endpoints = [config.endpoint(member) for member in config.members]
+    listen = config.network.listen or endpoints[index]
     with ExitStack() as resources:
         resources.callback(learner.close)
         session = resources.enter_context(
-            open_session(
-                config.network, config.party(agent), endpoints[index : index + 1], endpoints[:index]
-            )
+            open_session(config.network, config.party(agent), [listen], endpoints[:index])
         )
         roster = resources.enter_context(Roster(session, keys))
         exchange = resources.enter_context(
@@ -112,14 +105,23 @@ def run_agent(
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
         metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
         rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
+        spotter = Spotter(agent, telemetry, lambda: life.at.round)
+        learner.attendance = Attendance(stop.is_set, spotter.see)
         roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
         life.at = _catch_up(exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
         learner_state |= life.at.optimizer
         exchange.serve_state(lambda: _state(life.at, rounds))
-        _serve_status(session, keys, (agent, incarnation), config, rounds, life)
+        for report in folder.reports(agent):
+            life.history.take(report)
+        serve_history(session, keys, agent, life.history)
+        answers.serve_status(session, keys, life, rounds, incarnation)
+        if metrics_at is not None:
+            ask = partial(answers.health, life, rounds, incarnation)
+            resources.enter_context(serve_metrics(metrics_at, config.name, ask))
         roster.announce(agent, incarnation)
-        log.info("round %d: announced as %s on %s", life.at.round, incarnation, endpoints[index])
+        systemd.ready()
+        log.info("round %d: announced as %s on %s", life.at.round, incarnation, listen)
         # One who comes back alone goes on at once; a swarm begins, or resumes, together.
         together = begin is not None or life.at.round == 0
         if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
@@ -132,6 +134,8 @@ def run_agent(
         life.state = "learning"
         while life.at.round < config.rounds and not stop.is_set():
             _play(config, rounds, life, folder, telemetry, metrics)
+            systemd.alive(f"round {life.at.round} of {config.rounds}")
+        systemd.stopping()
         if stop.is_set():
             for unwritten in (*life.unwritten, life.at):
                 checkpoint.write(folder.checkpoints(agent), unwritten)
@@ -176,8 +180,10 @@ def _play(
     else:
         life.unwritten.append(life.at)
     sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
-    report = _report(rounds, at, outcome, time.monotonic() - start, sparse or telemetry.due())
+    detailed = sparse or telemetry.due() or life.history.due(at.round)
+    report = _report(rounds, at, outcome, time.monotonic() - start, detailed)
     life.report = report
+    life.history.take(report)
     telemetry.put(report)
     kept = report if sparse else msgspec.structs.replace(report, sketch=(), route=())
     metrics.write(msgspec.json.encode(kept) + b"\n")
@@ -262,51 +268,6 @@ def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
     rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
     limit = rounds.config.timing.finish
     rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
-
-
-def _serve_status(
-    session: zenoh.Session,
-    keys: Keys,
-    me: tuple[str, str],
-    config: SwarmFile,
-    rounds: Rounds,
-    life: Life,
-) -> None:
-    """Answer "how are you?" from Zenoh's thread."""
-    agent, incarnation = me
-
-    def answer(query: zenoh.Query) -> None:
-        heard, report = rounds.exchange.heard(), life.report
-        nearby = {
-            n: NeighbourStatus(round=heard[n][0], age=heard[n][1])
-            if n in heard
-            else NeighbourStatus()
-            for n in rounds.neighbours()
-        }
-        status = AgentStatus(
-            agent=agent,
-            incarnation=incarnation,
-            pid=os.getpid(),
-            state=life.state,
-            round=life.at.round,
-            rounds=config.rounds,
-            neighbours=nearby,
-            value=report.value if report else None,
-            disagreement=report.disagreement if report else None,
-            sketch=tuple(sketch(life.at.theta).tolist()),
-            rejected=rounds.exchange.rejected,
-            quarantined=rounds.exchange.quarantined,
-            one_sided=rounds.ledger.one_sided,
-            memory_mb=_resident_mb(),
-        )
-        query.reply(keys.status(agent), msgspec.msgpack.encode(status))
-
-    session.declare_queryable(keys.status(agent), answer)
-
-
-def _resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def _open_metrics(path: Path, begin: int) -> BinaryIO:

@@ -5,6 +5,7 @@ fastest (:func:`agent.networks.compute_type`).  The optimiser's steps are taken 
 that steps smaller than bfloat16 can tell add up all the same.
 """
 
+from collections.abc import Iterable
 from typing import cast
 
 import numpy as np
@@ -75,14 +76,18 @@ class FlatNetwork:
         chosen = np.take_along_axis(log_probs, actions[:, None], 1)[:, 0]
         return Choice(actions, chosen, values.cpu().numpy())
 
-    def differentiate(self, objective: Tensor, longest: float) -> float:
-        """Fill :attr:`gradient` with that of a scalar, shortened to ``longest`` (0: as it is).
+    def differentiate(self, objectives: Iterable[Tensor], longest: float) -> float:
+        """Fill :attr:`gradient` with that of a sum, shortened to ``longest`` (0: as it is).
+
+        The terms come one after the other, so that no more than one of them is in memory.
 
         Returns:
             Its length before.
         """
-        gradients = torch.autograd.grad(objective, self._weights)
-        torch._foreach_copy_(self._gradient_views, list(gradients))
+        self.gradient.zero_()
+        for objective in objectives:
+            parts = [g.float() for g in torch.autograd.grad(objective, self._weights)]
+            torch._foreach_add_(self._gradient_views, parts)
         length = float(self.gradient.norm())
         if 0 < longest < length:
             self.gradient.mul_(longest / length)

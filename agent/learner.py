@@ -4,9 +4,11 @@ A learner owns the world, the estimator and the optimiser of one agent.  It is a
 (parameters, round, seed) except for the optimiser's moments, which a checkpoint keeps.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
+import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,8 +35,52 @@ class Step:
     distance: float | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One step of the world that an agent shows to others.
+
+    Attributes:
+        env: the world.
+        flight, step: numbers, from 0; of the flight, and of the step in it.
+        action, reward: what was done, and what it gave.
+        observation: after it.
+        info: what the world said beside.
+    """
+
+    env: gymnasium.Env[Any, Any]
+    flight: int
+    step: int
+    action: int
+    reward: float
+    observation: NDArray[Any]
+    info: dict[str, Any]
+
+
+class Stopped(Exception):  # noqa: N818  (no error: somebody asked for it)
+    """A round was given up because the agent is to end."""
+
+
+@dataclass(slots=True)
+class Attendance:
+    """Who looks on while a learner learns.
+
+    Attributes:
+        stopped: whether the round under way should be given up.
+        see: shown every step of the agent's first world.
+    """
+
+    stopped: Callable[[], bool] = lambda: False
+    see: Callable[[Moment], None] = lambda moment: None
+
+
 class Learner(Protocol):
-    """One agent's learning."""
+    """One agent's learning.
+
+    Attributes:
+        attendance: who looks on; whoever runs the learner may change it.
+    """
+
+    attendance: Attendance
 
     @property
     def parts(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
@@ -51,7 +97,11 @@ class Learner(Protocol):
         ...
 
     def step(self, theta: Vector, round_: int) -> Step:
-        """Estimate the gradient at ``theta`` and turn it into a step."""
+        """Estimate the gradient at ``theta`` and turn it into a step.
+
+        Raises:
+            Stopped: somebody in attendance said so; nothing is remembered of the round.
+        """
         ...
 
     def route(self, theta: Vector) -> tuple[int, ...]:

@@ -9,7 +9,7 @@ from math import prod
 
 import numpy as np
 
-from agent.learner import Learner, Step, Vector
+from agent.learner import Attendance, Learner, Step, Vector
 from agent.optimizers import MOMENTS
 
 
@@ -28,6 +28,15 @@ class MixedMoments:
     def parts(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
         """The learner's own parts, and the moments."""
         return (*self._learner.parts, *((f"adam.{name}", (self._size,)) for name in MOMENTS))
+
+    @property
+    def attendance(self) -> Attendance:
+        """The learner's."""
+        return self._learner.attendance
+
+    @attendance.setter
+    def attendance(self, attendance: Attendance) -> None:
+        self._learner.attendance = attendance
 
     @property
     def optimizer_state(self) -> dict[str, Vector]:

@@ -74,7 +74,7 @@ class PolicyNetwork(nn.Module):
         features = self.trunk(self.eyes(observations))
         logits = self.policy(features).float()
         if self.value is None:
-            return logits, logits.new_zeros(len(logits))
+            return logits, torch.zeros_like(logits[:, 0])
         return logits, self.value(features).float().squeeze(-1)
 
 

@@ -11,6 +11,8 @@ whole episodes, a round is a function of (parameters, round, seed, optimiser sta
 also go on with the flights of the round before, and begin new ones after a restart.
 """
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -23,11 +25,24 @@ from agent.config import SwarmFile
 from agent.errors import TaskError
 from agent.estimators import ActorCritic, Exact
 from agent.flat import FlatAscent, FlatNetwork, Parts
-from agent.learner import Step, Vector
+from agent.learner import Attendance, Step, Stopped, Vector
 from agent.networks import build
 from agent.policies import Tabular
 from agent.returns import generalized_advantages, rewards_to_go
 from agent.rollout import Choice, Ended, Observations, Stretch, Worlds
+
+AT_ONCE = 64  # steps in memory with all that their derivatives need; more are no faster
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """The T steps of a round: what was seen, done, thought of it, and what it was good for."""
+
+    observations: list[NDArray[Any]]
+    actions: Tensor
+    before: Tensor  # log-probabilities when it was done
+    gain: Tensor
+    target: Tensor
 
 
 def make_world(config: SwarmFile, agent: str) -> gymnasium.Env[Any, Any]:
@@ -77,6 +92,14 @@ class NeuralLearner:
         self._random = np.random.default_rng(0)
         self._last = Ended(0.0, 0, None)
         self.optimizer_state: dict[str, Vector] = {}
+
+    @property
+    def attendance(self) -> Attendance:
+        return self._worlds.attendance
+
+    @attendance.setter
+    def attendance(self, attendance: Attendance) -> None:
+        self._worlds.attendance = attendance
 
     @property
     def parts(self) -> Parts:
@@ -134,42 +157,47 @@ class NeuralLearner:
         if estimator.discount_visits:
             at = [s.start + t for s in stretches for t in range(len(s.rewards))]
             gains = gains * estimator.gamma ** np.array(at)
-        observations = [o for s in stretches for o in s.observations]
-        actions = self._tensor(np.array([a for s in stretches for a in s.actions]))
-        before = self._tensor(np.array([p for s in stretches for p in s.log_probs], np.float32))
-        gain = self._tensor(gains.astype(np.float32))
-        target = self._tensor(targets.astype(np.float32))
+        samples = _Samples(
+            observations=[o for s in stretches for o in s.observations],
+            actions=self._tensor(np.array([a for s in stretches for a in s.actions])),
+            before=self._tensor(np.array([p for s in stretches for p in s.log_probs], np.float32)),
+            gain=self._tensor(gains.astype(np.float32)),
+            target=self._tensor(targets.astype(np.float32)),
+        )
         ascent = FlatAscent(self._config.optimizer, self._flat, self.optimizer_state)
-        count = len(observations)
+        count = len(samples.observations)
         parts = max(1, round(count / training.minibatch)) if training.minibatch else 1
         first = None
         for _ in range(estimator.epochs):
             order = self._random.permutation(count) if parts > 1 else np.arange(count)
             for rows in np.array_split(order, parts):
-                seen = self._tensor(np.stack([observations[i] for i in rows]))
-                which = self._tensor(rows)
-                objective = self._objective(
-                    seen, actions[which], before[which], gain[which], target[which]
+                if self.attendance.stopped():
+                    raise Stopped
+                length = self._flat.differentiate(
+                    self._objectives(samples, rows), training.gradient_clip
                 )
-                length = self._flat.differentiate(objective, training.gradient_clip)
                 first = length if first is None else first
                 ascent.step()
         self.optimizer_state = ascent.state()
         return first or 0.0
 
-    def _objective(
-        self, seen: Tensor, actions: Tensor, before: Tensor, gain: Tensor, target: Tensor
-    ) -> Tensor:
-        """Mean over steps of what climbs (module docstring)."""
-        estimator = self._estimator
+    def _objectives(self, samples: _Samples, rows: NDArray[np.int64]) -> Iterator[Tensor]:
+        """Mean over the steps ``rows`` of what climbs (module docstring), as a sum of parts."""
+        for some in np.array_split(rows, -(-len(rows) // AT_ONCE)):
+            yield self._objective(samples, some) * (len(some) / len(rows))
+
+    def _objective(self, samples: _Samples, rows: NDArray[np.int64]) -> Tensor:
+        estimator, which = self._estimator, self._tensor(rows)
+        seen = self._tensor(np.stack([samples.observations[i] for i in rows]))
         logits, values = self._flat.network(seen)
         log_policy = torch.log_softmax(logits, -1)
-        log_probs = log_policy.gather(1, actions[:, None]).squeeze(1)
-        ratio = (log_probs.detach() - before).exp()
-        objective: Tensor = (estimator.weight(ratio, gain) * log_probs).mean()
+        log_probs = log_policy.gather(1, samples.actions[which, None]).squeeze(1)
+        ratio = (log_probs.detach() - samples.before[which]).exp()
+        objective: Tensor = (estimator.weight(ratio, samples.gain[which]) * log_probs).mean()
         objective = objective + estimator.entropy_weight * log_policy.mean()
         if isinstance(estimator, ActorCritic):
-            objective = objective - estimator.value_weight * (target - values).square().mean()
+            errors = samples.target[which] - values
+            objective = objective - estimator.value_weight * errors.square().mean()
         return objective
 
     def _gains(self, stretches: list[Stretch]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

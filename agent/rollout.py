@@ -1,6 +1,7 @@
 """Flights of one agent: several worlds side by side, one batch for the policy at every step.
 
-Interface: :class:`Worlds`, which gives :class:`Stretch` after :class:`Stretch`.  A world whose
+Interface: :class:`Worlds`, which gives :class:`Stretch` after :class:`Stretch`.  Told to stop
+(:class:`agent.learner.Attendance`), it gives the round up.  A world whose
 share of a round is flown stands still and costs nothing; what the policy said on the way
 (log-probability, value) is kept, so that nobody needs to ask it again.
 """
@@ -12,6 +13,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
+
+from agent.learner import Attendance, Moment, Stopped
 
 USUAL_OVER = 16  # flights over which their usual length is remembered
 
@@ -93,6 +96,8 @@ class Worlds:
     """
 
     def __init__(self, envs: list[gymnasium.Env[Any, Any]], gamma: float, horizon: int) -> None:
+        self.attendance = Attendance()
+        self._flights = 0  # of the first world
         self._worlds = [_World(env) for env in envs]
         self._gamma, self._horizon = gamma, horizon
         self._stretches: list[Stretch] = []
@@ -179,6 +184,8 @@ class Worlds:
 
     def _advance(self, act: Act, flying: list[int]) -> list[int]:
         """One step of some worlds; returns those whose flight ended."""
+        if self.attendance.stopped():
+            raise Stopped
         choice = act(np.stack([self._worlds[i].observation for i in flying]))
         ended = []
         for k, i in enumerate(flying):
@@ -194,6 +201,13 @@ class Worlds:
             world.value += self._gamma**world.steps * float(reward)
             world.steps += 1
             world.observation = observation
+            if i == 0:
+                self.attendance.see(
+                    Moment(
+                        world.env, self._flights, world.steps - 1, action, float(reward),
+                        observation, info,
+                    )
+                )  # fmt: skip
             if terminated or truncated or world.steps >= self._horizon:
                 if terminated:
                     self._stretches.append(stretch)
@@ -204,6 +218,7 @@ class Worlds:
                     Ended(world.value, world.steps, None if distance is None else float(distance))
                 )
                 ended.append(i)
+                self._flights += i == 0
         return ended
 
     def _cut(self, world: _World) -> None:

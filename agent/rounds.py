@@ -20,7 +20,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from agent.config import SwarmFile
-from agent.learner import Learner, Step, Vector
+from agent.learner import Learner, Step, Stopped, Vector
 from swarm.consensus import disagreement
 from swarm.exchange import Exchange, Gathered
 from swarm.ledger import Ledger
@@ -92,6 +92,12 @@ class Rounds:
 
     def play(self, round_: int, theta: Vector) -> Outcome | None:
         """Play one round from ``theta``; None when told to stop in the middle of it."""
+        try:
+            return self._play(round_, theta)
+        except Stopped:
+            return None
+
+    def _play(self, round_: int, theta: Vector) -> Outcome | None:
         nearby = self.neighbours()
         if self.mixer.rule.sends_after_step:
             step = self._step(theta, round_)

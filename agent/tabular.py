@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from agent.config import SwarmFile
 from agent.errors import TaskError
 from agent.estimators import ActorCritic, Exact, Sampled
-from agent.learner import Step, Vector
+from agent.learner import Attendance, Step, Vector
 from agent.optimizers import Ascent
 from agent.policies import Table, entropy_gradient, score_sum, softmax, table_rows
 from agent.returns import generalized_advantages, rewards_to_go
@@ -208,6 +208,7 @@ class TabularLearner:
         self._model = build_model(config, agent)
         self._anywhere = anywhere(self._model, config.start_mixing.uniform)
         self._ascent = Ascent(config.optimizer)
+        self.attendance = Attendance()
         self._shape = (self._model.n_states, self._model.n_actions)
 
     @property

@@ -4,17 +4,13 @@ Each command is a page of arguments and a call; what it does stands in the room 
 user's mistake is one line on standard error and a non-zero exit code.
 """
 
-import logging
 import os
-import signal
+import shlex
 import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from enum import StrEnum
-from logging.handlers import RotatingFileHandler
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -22,16 +18,12 @@ import typer
 from agent.config import load
 from agent.daemon import run_agent
 from agent.runfolder import RunFolder
+from deploy.cli_drones import app as drones
+from deploy.cli_policies import app as policies
+from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
+from deploy.signals import stop_on_signals
 from swarm.errors import ConfigError, SwarmError
-
-
-class Form(StrEnum):
-    """What a policy can be written as."""
-
-    SAFETENSORS = "safetensors"
-    ONNX = "onnx"
-
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -40,9 +32,10 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
+app.add_typer(drones)
+app.add_typer(policies)
 app.add_typer(reproduce, name="reproduce")
 
-LOG_BYTES, LOG_FILES = 4_000_000, 3  # a log is rotated at this size; so many old ones stay
 File = Annotated[
     Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
 ]
@@ -56,12 +49,8 @@ Scenes = Annotated[
         "--scene", metavar="NAME|FILE", help="World or mesh file; repeatable; default: all worlds."
     ),
 ]
-Source = Annotated[
-    Path,
-    typer.Argument(metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False),
-]
-OneAgent = Annotated[
-    str | None, typer.Option(metavar="ID", help="Fly one agent's parameters, not the mean of all.")
+Device = Annotated[
+    str | None, typer.Option(metavar="cpu|cuda", help="Where networks compute (policy.device).")
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
@@ -82,6 +71,7 @@ def up(
     chaos: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
     ] = None,
+    device: Device = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
     from deploy.chaos import load_faults  # noqa: PLC0415
@@ -89,12 +79,13 @@ def up(
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
+    settings = _on(device, settings)
     if resume is not None:
-        folder, config, begin = resume_run(resume, settings or ())
+        folder, config, begin = resume_run(resume, settings)
         faults = load_faults(chaos, config) if chaos else ()
     else:
         assert file is not None
-        config = load(file, settings or ())
+        config = load(file, settings)
         faults = load_faults(chaos, config) if chaos else ()
         folder, config, begin = prepare(config, run)
     raise typer.Exit(launch(folder, config, begin, record, faults))
@@ -115,17 +106,23 @@ def agent(
     supervised: Annotated[
         bool, typer.Option(help="Log to the run folder only; end when standard input closes.")
     ] = False,
+    metrics: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Serve /metrics for Prometheus, and /healthz."),
+    ] = None,
+    json_logs: Annotated[bool, typer.Option("--json-logs", help="Log JSON lines.")] = False,
+    device: Device = None,
 ) -> None:
     """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
-    config = load(file, settings or ())
+    config = load(file, _on(device, settings))
     config.index(id_)
     folder = RunFolder(run or Path("runs") / config.name)
-    stop = _stop_on_signals()
+    stop = stop_on_signals()
     folder.prepare(id_)
-    _log_to(folder.log(id_), id_, quiet=supervised)
+    log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    run_agent(config, id_, folder, stop, resume, begin)
+    run_agent(config, id_, folder, stop, resume, begin, metrics)
 
 
 @app.command()
@@ -137,11 +134,32 @@ def status(
     settings: Settings = None,
     json: AsJson = False,
     timeout: Annotated[float, typer.Option(help="How long to look for agents [s].")] = 2.0,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Look again and again, to Ctrl-C.")
+    ] = False,
 ) -> None:
     """Show the agents of a running swarm.  Exit code: 0 healthy, 1 degraded, 3 nobody."""
-    from deploy.status import find_config, show_status  # noqa: PLC0415
+    from deploy.status import find_config, show_status, watch_status  # noqa: PLC0415
 
-    raise typer.Exit(show_status(find_config(target, settings or ()), json, timeout))
+    if watch and json:
+        raise typer.BadParameter("expected either --json or --watch")
+    found = find_config(target, settings or ())
+    raise typer.Exit(watch_status(found, timeout) if watch else show_status(found, json, timeout))
+
+
+@app.command()
+def compose(
+    file: File,
+    settings: Settings = None,
+    context: Annotated[
+        str, typer.Option(metavar="DIR", help="This repository, from the compose file's folder.")
+    ] = ".",
+) -> None:
+    """Print a Docker Compose file for a swarm file: an agent and a vehicle each, and a viewer."""
+    from deploy.compose import compose_file  # noqa: PLC0415
+
+    source = shlex.join([str(file), *(word for s in settings or () for word in ("--set", s))])
+    print(compose_file(load(file, settings or ()), source, context), end="")
 
 
 @app.command()
@@ -162,6 +180,22 @@ def view(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.rrd", help="Write a recording, show nothing.")
     ] = None,
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to browsers.")] = False,
+    host: Annotated[
+        str, typer.Option(help="With --web: name by which browsers reach this machine.")
+    ] = "localhost",
+    ports: Annotated[
+        tuple[int, int], typer.Option(help="With --web: of the page, and of the data.")
+    ] = (9090, 9876),
+    screenshot: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a picture at the end.")
+    ] = None,
+    headless: Annotated[
+        bool, typer.Option("--headless", help="With --screenshot: open no window.")
+    ] = False,
+    seconds: Annotated[
+        float | None, typer.Option(help="Watch for so long, there or not [s].")
+    ] = None,
     live: Annotated[
         bool | None,
         typer.Option(help="Attach to the running swarm, or show what the folder holds; "
@@ -170,6 +204,7 @@ def view(
 ) -> None:  # fmt: skip
     """Show a swarm in Rerun: live, attached at any time, or from a run folder."""
     try:
+        from deploy.viewer import Output  # noqa: PLC0415
         from deploy.viewer import view as show  # noqa: PLC0415
     except ImportError:
         raise SwarmError(
@@ -177,64 +212,8 @@ def view(
         ) from None
     from deploy.status import find_config  # noqa: PLC0415
 
-    show(find_config(target, settings or ()), save, live)
-
-
-@app.command()
-def vehicle(
-    port: Annotated[
-        int, typer.Option(help="UDP: companions listen here, we on port + 40; TCP: we do.")
-    ] = 14540,
-    sysid: Annotated[int, typer.Option(help="MAVLink system id.")] = 1,
-    flavour: Annotated[str, typer.Option(help="Whose behaviour: px4 or ardupilot.")] = "px4",
-    speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
-    lockstep: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Advance by this much, only when told."),
-    ] = None,
-    tcp: Annotated[bool, typer.Option("--tcp", help="Listen on TCP instead of UDP.")] = False,
-    host: Annotated[str, typer.Option(help="Send there; not 127.0.0.1: listen everywhere.")] = (
-        "127.0.0.1"
-    ),
-    ground_port: Annotated[
-        int, typer.Option(help="UDP: a ground station listens here; 0: none.")
-    ] = 14550,
-    signing_key: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Sign messages; believe only signed ones."),
-    ] = None,
-    wind: Annotated[
-        str | None, typer.Option(metavar="N,E[,GUSTS]", help="Wind [m/s], north and east.")
-    ] = None,
-    noise: Annotated[bool, typer.Option("--noise", help="Imperfect sensors.")] = False,
-    seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
-) -> None:
-    """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
-    from deploy.vehicle import NOISY, fly, read_key, read_wind  # noqa: PLC0415
-    from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
-    from sim.vehicle.quadrotor import Noise, Weather  # noqa: PLC0415
-    from sim.vehicle.server import Options  # noqa: PLC0415
-
-    if flavour not in FLAVOURS:
-        raise ConfigError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')
-    try:
-        options = Options(
-            port=port,
-            system=sysid,
-            flavour=FLAVOURS[flavour],
-            speed=speed,
-            lockstep=lockstep,
-            tcp=tcp,
-            host=host,
-            ground_port=ground_port or None,
-            key=read_key(signing_key) if signing_key is not None else None,
-            weather=read_wind(wind) if wind is not None else Weather(),
-            noise=NOISY if noise else Noise(),
-            seed=seed,
-        )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    fly(options, _stop_on_signals())
+    output = Output(save, web, host, ports, headless, screenshot, seconds)
+    show(find_config(target, settings or ()), output, live)
 
 
 @app.command()
@@ -310,75 +289,6 @@ def worlds(
         show(scenes or NAMES, sheet, width)
 
 
-@app.command()
-def fly(
-    pilot: Annotated[str, typer.Option(help="greedy, straight or random.")] = "greedy",
-    scenes: Scenes = None,
-    flights: Annotated[int, typer.Option(min=1, help="Flights in each world.")] = 16,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    json: AsJson = False,
-) -> None:
-    """Fly hand-made pilots through the indoor worlds and print their mean safe flight [m]."""
-    from deploy.fly import fly as start  # noqa: PLC0415
-    from sim.indoor.scenes import NAMES  # noqa: PLC0415
-
-    with _plain_errors():
-        start(pilot, scenes or NAMES, flights, seed, as_json=json)
-
-
-@app.command("eval")
-def evaluate(
-    source: Source,
-    agent: OneAgent = None,
-    scenes: Annotated[
-        list[str] | None,
-        typer.Option("--scene", metavar="NAME", help="World; repeatable; default: all."),
-    ] = None,
-    flights: Annotated[int, typer.Option(min=1, help="Flights in each world and mode.")] = 100,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one per core.")] = 0,
-    json: AsJson = False,
-) -> None:
-    """Fly a learned policy in every world, greedily and by its dice; also writes RUN/eval.json."""
-    import msgspec  # noqa: PLC0415
-
-    from deploy.evaluate import evaluate as start  # noqa: PLC0415
-    from deploy.evaluate import print_evaluation  # noqa: PLC0415
-
-    result = start(
-        source, agent, flights, seed, jobs, scenes or (), lambda line: print(line, file=sys.stderr)
-    )
-    text = msgspec.json.format(msgspec.json.encode(result), indent=2)
-    if source.is_dir():
-        (source / "eval.json").write_bytes(text)
-    print(text.decode()) if json else print_evaluation(result)
-
-
-@app.command()
-def export(
-    source: Source,
-    agent: OneAgent = None,
-    form: Annotated[
-        Form, typer.Option("--format", help="safetensors for us, onnx for everybody.")
-    ] = Form.SAFETENSORS,
-    to: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Default: RUN/policy.FORMAT.")
-    ] = None,
-) -> None:
-    """Write the learned policy as one file: pictures in, action preferences out."""
-    from agent.pilot import Pilot  # noqa: PLC0415
-    from deploy.export import write_onnx  # noqa: PLC0415
-
-    pilot = Pilot.load(source, agent)
-    folder = source if source.is_dir() else source.parent
-    path = to or folder / f"policy.{form.value}"
-    if form is Form.ONNX:
-        write_onnx(pilot, path)
-    else:
-        pilot.save(path)
-    print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
-
-
 @contextmanager
 def _plain_errors() -> Iterator[None]:
     """The worlds raise the standard library's exceptions; a user sees their one line."""
@@ -392,16 +302,9 @@ def _plain_errors() -> Iterator[None]:
         raise ConfigError(str(error)) from None
 
 
-def _stop_on_signals() -> threading.Event:
-    """An event that SIGTERM and Ctrl-C set."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, on_signal)
-    return stop
+def _on(device: str | None, settings: list[str] | None) -> list[str]:
+    """The settings, with ``--device`` as one of them."""
+    return [*(settings or ()), *([f'policy.device="{device}"'] if device else [])]
 
 
 def _stop_at_end_of_input(stop: threading.Event) -> None:
@@ -409,20 +312,6 @@ def _stop_at_end_of_input(stop: threading.Event) -> None:
     while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
         pass
     stop.set()
-
-
-def _log_to(path: Path, agent_id: str, quiet: bool) -> None:
-    """Log to a file and, unless ``quiet``, to standard error."""
-    handlers: list[logging.Handler] = [
-        RotatingFileHandler(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
-    ]
-    if not quiet:
-        handlers.append(logging.StreamHandler())
-    logging.basicConfig(
-        level=logging.INFO,
-        format=f"%(asctime)s {agent_id} %(levelname)s %(message)s",
-        handlers=handlers,
-    )
 
 
 def main() -> None:

@@ -5,6 +5,8 @@ bytes and are standardised inside.  Output ``logits``: (N, A) float32; the greed
 argmax.  The arithmetic is float32, whatever the policy was trained with.
 """
 
+import logging
+import warnings
 from pathlib import Path
 
 import msgspec
@@ -37,16 +39,19 @@ def write_onnx(pilot: Pilot, path: Path) -> None:
     exact = Pilot(msgspec.structs.replace(pilot.form, policy=policy), pilot.theta)
     kind = torch.uint8 if pilot.form.dtype == "uint8" else torch.float32
     example = torch.zeros((2, *pilot.form.shape), dtype=kind)
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision; we do not
     try:
-        program = torch.onnx.export(
-            _Logits(exact.flat.network).eval(),
-            (example,),
-            input_names=["observations"],
-            output_names=["logits"],
-            dynamic_shapes=({0: torch.export.Dim("N")},),
-            dynamo=True,
-            verbose=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)  # of torch about torch
+            program = torch.onnx.export(
+                _Logits(exact.flat.network).eval(),
+                (example,),
+                input_names=["observations"],
+                output_names=["logits"],
+                dynamic_shapes=({0: torch.export.Dim("N")},),
+                dynamo=True,
+                verbose=False,
+            )
     except ModuleNotFoundError as error:
         raise ConfigError(
             f'this needs {error.name}, which is not installed: pip install "dcpg-swarm[onnx]"'

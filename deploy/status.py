@@ -12,11 +12,14 @@ from pathlib import Path
 
 import msgspec
 import zenoh
-from rich.console import Console
+from rich.console import Console, Group
+from rich.live import Live
 from rich.table import Table
+from rich.text import Text
 
 from agent.config import SwarmFile, load
 from agent.runfolder import RunFolder
+from deploy.signals import stop_meanwhile
 from swarm.consensus import sketch_errors
 from swarm.errors import ConfigError
 from swarm.keys import Keys
@@ -26,7 +29,8 @@ from swarm.telemetry import AgentStatus, ask_status
 
 RUNS = Path("runs")
 LATEST = RUNS / "latest"  # link to the newest run of `swarm up`
-HEALTHY, DEGRADED, NOBODY = 0, 1, 3
+CODES = {"healthy": 0, "degraded": 1, "nobody": 3}  # exit codes
+REFRESH = 0.5  # [s] between two looks of `swarm status --watch`
 STALE = 5.0  # [s] an older message from a neighbour is a sign of trouble
 
 
@@ -122,19 +126,31 @@ def show_status(target: Target, as_json: bool, timeout: float) -> int:
     if as_json:
         print(msgspec.json.format(msgspec.json.encode(summary), indent=2).decode())
     else:
-        _print(target.config, summary)
-    return {"healthy": HEALTHY, "degraded": DEGRADED, "nobody": NOBODY}[summary.health]
+        Console().print(picture(target.config, summary))
+    return CODES[summary.health]
 
 
-def _print(config: SwarmFile, summary: SwarmStatus) -> None:
-    console = Console()
+def watch_status(target: Target, timeout: float) -> int:
+    """Show the state of a swarm, again and again, until Ctrl-C; the exit code is the last one's."""
+    config, health = target.config, "nobody"
+    with (
+        stop_meanwhile() as stop,
+        observe(config) as session,
+        Live(console=Console(), auto_refresh=False) as live,
+    ):
+        while True:
+            summary = judge(config, collect(session, config, timeout))
+            health = summary.health
+            live.update(picture(config, summary), refresh=True)
+            if stop.wait(REFRESH):
+                return CODES[health]
+
+
+def picture(config: SwarmFile, summary: SwarmStatus) -> Group:
+    """A summary as a table, with what is wrong below."""
     if summary.health == "nobody":
-        console.print(
-            f'nobody of swarm "{config.name}" answers on '
-            f"{', '.join(config.endpoint(m) for m in config.members)}",
-            highlight=False,
-        )
-        return
+        endpoints = ", ".join(config.endpoint(member) for member in config.members)
+        return Group(Text(f'nobody of swarm "{config.name}" answers on {endpoints}'))
     table = Table(title=f"swarm {config.name}: {summary.health}")
     for heading in ("agent", "state", "round", "return", "consensus error", "neighbours", "MB"):
         table.add_column(heading, justify="left" if heading in {"agent", "state"} else "right")
@@ -153,6 +169,4 @@ def _print(config: SwarmFile, summary: SwarmStatus) -> None:
             nearby,
             f"{answer.memory_mb:.0f}",
         )
-    console.print(table)
-    for problem in summary.problems:
-        console.print(f"  {problem}", style="yellow", highlight=False)
+    return Group(table, *(Text(f"  {problem}", style="yellow") for problem in summary.problems))

@@ -6,11 +6,10 @@ import sys
 import threading
 from pathlib import Path
 
-from sim.vehicle.quadrotor import Noise, Weather, World
+from sim.vehicle.quadrotor import Weather
+from sim.vehicle.rooms import Room
 from sim.vehicle.server import LOCAL_OFFSET, Options, run
 from swarm.errors import ConfigError, NetworkError
-
-NOISY = Noise(position=0.15, velocity=0.05, yaw=0.02)  # a GPS receiver of the better sort; a guess
 
 
 def read_key(path: Path) -> bytes:
@@ -47,12 +46,19 @@ def read_wind(text: str) -> Weather:
     return Weather((north, east, 0.0), abs(gusts))
 
 
-def fly(options: Options, stop: threading.Event, world: World | None = None) -> None:
+def fly(options: Options, stop: threading.Event) -> None:
     """Run the vehicle until it is told to stop.
 
     Raises:
+        ConfigError: there is no such scene or start.
         NetworkError: its port is taken.
     """
+    world = None
+    if options.scene is not None:
+        try:
+            world = Room(options.scene, options.start)
+        except (ValueError, OSError, ImportError) as error:
+            raise ConfigError(str(error)) from None
 
     def ready(port: int) -> None:
         kind = "TCP" if options.tcp else "UDP"
@@ -62,6 +68,8 @@ def fly(options: Options, stop: threading.Event, world: World | None = None) -> 
         pace = f"speed {options.speed:g}"
         if options.lockstep is not None:
             pace = f"lockstep {options.lockstep:g} s"
+        if options.scene is not None:
+            pace += f", in {options.scene}"
         print(
             f"vehicle {options.system} ({options.flavour.name}, {pace}) {where}",
             file=sys.stderr,
@@ -69,7 +77,7 @@ def fly(options: Options, stop: threading.Event, world: World | None = None) -> 
         )
 
     try:
-        run(options, stop, world, ready)
+        run(options, stop, ready, world)
     except OSError as error:
         listens = options.port if options.tcp else options.local_port
         listens = options.port + LOCAL_OFFSET if listens is None else listens

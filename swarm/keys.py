@@ -5,7 +5,9 @@
 ``dcpg/{swarm}/params/{agent}/{to}``      parameters of one round (:mod:`swarm.payload`), pushed
 ``dcpg/{swarm}/state/{agent}``            queryable: the newest parameters, for one who joins
 ``dcpg/{swarm}/status/{agent}``           queryable: :class:`swarm.telemetry.AgentStatus`
-``dcpg/{swarm}/telemetry/{agent}/{what}``  messages of :mod:`swarm.telemetry`, pushed, droppable
+``dcpg/{swarm}/history/{agent}``          queryable: recent reports (:mod:`swarm.history`)
+``dcpg/{swarm}/telemetry/{agent}/{what}``  :mod:`swarm.telemetry`, pushed, droppable: ``round`` has
+                                          RoundReport, ``flight`` has FlightSample
 ========================================  ======================================================
 
 Receivers subscribe with ``*`` in the agent's place and hold the key against the header: see the
@@ -57,6 +59,10 @@ class Keys:
     def status(self, agent: str = "*") -> str:
         """Key under which an agent answers with its status."""
         return f"{ROOT}/{self.swarm}/status/{agent}"
+
+    def history(self, agent: str = "*") -> str:
+        """Key under which an agent answers with what it remembers of its rounds."""
+        return f"{ROOT}/{self.swarm}/history/{agent}"
 
     def telemetry(self, agent: str = "*", what: str = "*") -> str:
         """Key of what an agent tells about itself; ``what`` names the message type."""

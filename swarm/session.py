@@ -34,6 +34,8 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             ``multicast`` dials nobody and looks for peers by UDP multicast.
         host: address on which agents listen that have no ``endpoint`` of their own.
         base_port: agent number i of the file listens on ``base_port + i``.
+        listen: where every agent listens instead of at its own endpoint, which others dial; e.g.
+            ``tcp/0.0.0.0:7447`` in containers, whose addresses change.
         multicast_interface: address or name of the interface; ``auto`` asks the system.
         gossip: peers tell each other of peers, so that one known address suffices.
         lease_ms: a peer that is silent for so long counts as gone [ms].
@@ -44,6 +46,7 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     discovery: Literal["endpoints", "multicast"] = "endpoints"
     host: str = "127.0.0.1"
     base_port: int = 7450
+    listen: str | None = None
     multicast_interface: str = "auto"
     gossip: bool = True
     lease_ms: int = 2000

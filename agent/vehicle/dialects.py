@@ -8,11 +8,16 @@ Sources: docs.px4.io/main/en/flight_modes/offboard.html, ardupilot.org/dev/docs/
 copter-commands-in-guided-mode.html.
 """
 
+import os
 from dataclasses import dataclass
+
+os.environ.setdefault("MAVLINK20", "1")  # pymavlink reads it when it is imported
 
 from pymavlink.dialects.v20 import common as mavlink
 
 from agent.errors import VehicleError
+
+__all__ = ["ARDUPILOT", "PX4", "Dialect", "Mode", "dialect_of", "mavlink"]
 
 Mode = tuple[int, int]  # param2 and param3 of DO_SET_MODE
 

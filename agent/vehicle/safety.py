@@ -24,8 +24,10 @@ class Timing:
     stream: float = 0.05  # between two set points: 20 Hz
     link: float = 3.0  # without a heartbeat of the vehicle's
     telemetry: float = 1.0  # without a position
-    policy: float = 2.0  # without a new set point of the policy's
+    coast: float = 0.5  # without a new velocity, before it stands still
+    policy: float = 2.0  # without a new set point of the policy's, before the flight is broken off
     hold: float = 3.0  # of holding before the landing
+    lost: float = 15.0  # without a heartbeat, before a landing is left to the vehicle alone
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mavlink
+from agent.vehicle.dialects import mavlink
 
 Message = Any
 

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from deploy.reproduce.claims import Findings, Options, Study, publish
+from deploy.signals import StoppedError, stopping_at_signals
 from swarm.errors import SwarmError
 
 app = typer.Typer(
@@ -124,8 +125,9 @@ def drones(
             return study(options, chosen, budget, flights, workers, runs, errors.print)
 
         try:
-            good = publish("drones", whole, options, json, console)
-        except KeyboardInterrupt:
+            with stopping_at_signals():
+                good = publish("drones", whole, options, json, console)
+        except StoppedError:
             errors.print("stopped; the same command goes on where it was")
             raise typer.Exit(130) from None
     raise typer.Exit(0 if good else 1)

@@ -4,15 +4,19 @@
 ``worlds/{agent}``            its task: ``path`` is the path most followed, ``drone`` its end
 ``graph``                     agents, and the edges that carried parameters or failed to
 ``return/{agent}``            mean return of its round
-``consensus_error/{agent}``   distance of its parameters from the mean of all
-``disagreement/{agent}``      largest distance from a neighbour's parameters
+``distance/{agent}``          mean length of its flights
+``consensus_error/{agent}``   distance of its parameters from the mean of all; ``theory`` has more
+``edges/{agent}-{agent}``     distance between the parameters of two that mix
+``disagreement/{agent}``      largest distance from a neighbour's parameters, as it says itself
 ``events``                    who joined, left, mixed without whom
 ============================  ================================================================
+
+What flights add stands in ``flights``.
 
 Everything has two times: ``round`` (a number) and ``time`` (wall clock).
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
@@ -21,29 +25,36 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from agent.config import SwarmFile
-from deploy.viewer import colours
-from deploy.viewer.moments import Event, Links, Moment, errors, events, links
+from deploy.viewer import colours, flights
+from deploy.viewer.moments import (
+    Edge,
+    Event,
+    Links,
+    Moment,
+    distances,
+    edge,
+    errors,
+    events,
+    links,
+)
+from deploy.viewer.rooms import Room
+from deploy.viewer.rows import Columns, Row, scalars
+from deploy.viewer.theory import BOUND, DECAY
 from deploy.viewer.worlds import CellWorld, world_of
+from swarm.topology import graph
 
 CIRCLE = 120.0  # radius on which the agents stand [points of the graph view]
+CORNER = rrb.Corner2D.RightTop
 PLOTS = {
-    "return": ("Return", rrb.Corner2D.RightBottom),
-    "consensus_error": ("Consensus error", rrb.Corner2D.RightTop),
-    "disagreement": ("Largest distance from a neighbour", rrb.Corner2D.RightTop),
+    "distance": "Mean length of flights [m]",
+    "return": "Return",
+    "consensus_error": "Consensus error, its decay and bound",
+    "edges": "Distance between neighbours",
 }
+SERIES = ("return", "distance", "consensus_error", "disagreement")  # with a line for each agent
+CURVES = {DECAY: ("decay", colours.START), BOUND: ("bound", colours.TROUBLE)}
 
 Point = tuple[float, float]
-Columns = list[rr.ComponentColumn]
-
-
-class Row(NamedTuple):
-    """One value of an entity; ``draw`` turns a list of such values into columns."""
-
-    path: str
-    draw: Callable[[Sequence[Any]], Columns]
-    round: int
-    time: float
-    value: Any
 
 
 class Node(NamedTuple):
@@ -74,7 +85,7 @@ class Scene:
     """
 
     config: SwarmFile
-    worlds: dict[str, CellWorld]
+    worlds: dict[str, CellWorld | Room]
     places: dict[str, Point]
     colours: dict[str, colours.Colour]
 
@@ -96,8 +107,21 @@ class Scene:
             for name, what in world.still(self.colours[agent]):
                 yield f"worlds/{agent}/{name}", what
         for agent, colour in self.colours.items():
-            for plot in PLOTS:
+            for plot in SERIES:
                 yield f"{plot}/{agent}", rr.SeriesLines(names=[agent], colors=[colour])
+        edges = graph(self.config.topology, self.config.members).edges
+        for place, (a, b) in enumerate(sorted(edge(*ends) for ends in edges)):
+            colour = colours.of_agent(place)
+            yield f"edges/{a}-{b}", rr.SeriesLines(names=[f"{a} - {b}"], colors=[colour])
+        for path, (name, colour) in CURVES.items():
+            yield path, rr.SeriesLines(names=[name], colors=[colour], widths=[1.0])
+        if self.flying:
+            yield from flights.still(self.colours)
+
+    @property
+    def flying(self) -> bool:
+        """Whether drones fly in these worlds."""
+        return any(isinstance(world, Room) for world in self.worlds.values())
 
     def rows(self, before: Moment, now: Moment) -> Iterator[Row]:
         """What a moment adds to the one before it."""
@@ -107,56 +131,69 @@ class Scene:
             at = (report.round, report.time)
             yield Row(f"return/{agent}", scalars, *at, report.value)
             yield Row(f"disagreement/{agent}", scalars, *at, report.disagreement)
-            if report.route and agent in self.worlds:
-                route = self.worlds[agent].centres(report.route)
+            if report.distance is not None:
+                yield Row(f"distance/{agent}", scalars, *at, report.distance)
+            world = self.worlds.get(agent)
+            if report.route and isinstance(world, CellWorld):
+                route = world.centres(report.route)
                 yield Row(f"worlds/{agent}/path", strips, *at, route)
                 yield Row(f"worlds/{agent}/drone", points, *at, route[-1])
         at = (now.round, now.time)
         for agent, error in errors(now).items() if fresh else ():
             yield Row(f"consensus_error/{agent}", scalars, *at, error)
-        network = self.network(now.present, links(self.config, now))
-        if network != self.network(before.present, links(self.config, before)):
-            yield Row("graph", networks, *at, network)
+        found = links(self.config, now)
+        apart = distances(now, found.used) if fresh else {}
+        for (a, b), distance in apart.items():
+            yield Row(f"edges/{a}-{b}", scalars, *at, distance)
+        was = before.present, links(self.config, before)
+        if apart or (now.present, found) != was:
+            yield Row("graph", networks, *at, self.network(now.present, found, apart))
         for event in events(before, now, self.config.rounds):
             yield Row("events", texts, *at, event)
 
-    def network(self, present: frozenset[str], found: Links) -> Network:
-        """The graph to be drawn.  A missing edge is broken: a small node stands in its middle."""
-        agents = [
+    def network(
+        self, present: frozenset[str], found: Links, apart: Mapping[Edge, float]
+    ) -> Network:
+        """The graph to be drawn.  In the middle of an edge stands how far its ends are apart, or
+        that it is missing.
+        """
+        nodes = [
             Node(agent, agent, self.colours[agent] if agent in present else colours.ABSENT, place)
             for agent, place in self.places.items()
         ]
-        breaks, halves = [], []
-        for a, b in found.missing:
+        said = {ends: (f"{distance:.2g}", colours.START) for ends, distance in apart.items()}
+        said |= dict.fromkeys(found.missing, ("missing", colours.TROUBLE))
+        edges = [used for used in found.used if used not in said]
+        for (a, b), (label, colour) in said.items():
             (ax, ay), (bx, by) = self.places[a], self.places[b]
-            middle = Node(f"{a} {b}", "missing", colours.TROUBLE, ((ax + bx) / 2, (ay + by) / 2))
-            breaks.append(middle)
-            halves += [(a, middle.name), (middle.name, b)]
-        return Network(agents + breaks, [*found.used, *halves])
+            middle = Node(f"{a} {b}", label, colour, ((ax + bx) / 2, (ay + by) / 2))
+            nodes.append(middle)
+            edges += [(a, middle.name), (middle.name, b)]
+        return Network(nodes, edges)
 
     def blueprint(self) -> rrb.Blueprint:
         """Which view shows what, and where."""
         worlds = [world.view(agent, f"worlds/{agent}") for agent, world in self.worlds.items()]
+        log = rrb.TextLogView(
+            name="Events",
+            origin="events",
+            columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+        )
         middle = rrb.Vertical(
-            rrb.GraphView(name="Who mixes with whom", origin="graph"),
-            rrb.TextLogView(
-                name="Events",
-                origin="events",
-                columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
-            ),
-            row_shares=[3, 2],
+            rrb.GraphView(name="Who mixes with whom", origin="graph"), log, row_shares=[3, 2]
         )
-        ever = (
-            rr.TimeRangeBoundary.infinite()
-        )  # by default a live plot shows the newest rounds only
-        axis = rrb.TimeAxis(view_range=rr.TimeRange(ever, ever))
-        plots = rrb.Vertical(
-            *(
-                rrb.TimeSeriesView(name=name, origin=plot, plot_legend=corner, axis_x=axis)
-                for plot, (name, corner) in PLOTS.items()
-            )
-        )
+        shown = [plot for plot in PLOTS if self.flying or plot != "distance"]
+        plots = rrb.Vertical(*(_plot(PLOTS[plot], plot) for plot in shown))
         parts = [middle, plots] if not worlds else [rrb.Grid(*worlds), middle, plots]
+        if self.flying:
+            sights = [
+                rrb.Spatial2DView(name=f"{agent} {what}", origin=f"sight/{agent}/{what}")
+                for what in ("camera", "depth")
+                for agent in self.worlds
+            ]
+            eyes = rrb.Grid(*sights, grid_columns=len(self.worlds))
+            acts = rrb.Horizontal(_plot("Actions", "action"), _plot("Rewards", "reward"))
+            parts[0] = rrb.Vertical(parts[0], eyes, acts, row_shares=[5, 3, 2])
         return rrb.Blueprint(
             rrb.Horizontal(*parts, column_shares=[4, 2, 3][-len(parts) :]),
             rrb.TimePanel(state="collapsed", timeline="round", play_state="following"),
@@ -164,9 +201,11 @@ class Scene:
         )
 
 
-def scalars(values: Sequence[float]) -> Columns:
-    """A number a row."""
-    return [*rr.Scalars.columns(scalars=values)]
+def _plot(name: str, origin: str) -> rrb.View:
+    """A plot of all rounds; by default a live one shows the newest only."""
+    ever = rr.TimeRangeBoundary.infinite()
+    axis = rrb.TimeAxis(view_range=rr.TimeRange(ever, ever))
+    return rrb.TimeSeriesView(name=name, origin=origin, plot_legend=CORNER, axis_x=axis)
 
 
 def strips(values: Sequence[Any]) -> Columns:

@@ -91,13 +91,13 @@ def links(config: SwarmFile, moment: Moment) -> Links:
     ranks over the topology of those that are here.
     """
     members = set(config.members)
-    planned = {_edge(*ends) for ends in graph(config.topology, config.members).edges}
-    missing = {edge for edge in planned if not moment.present.issuperset(edge)}
+    planned = {edge(*ends) for ends in graph(config.topology, config.members).edges}
+    missing = {ends for ends in planned if not moment.present.issuperset(ends)}
     reports = moment.reports.values()
-    missing |= {_edge(report.agent, other) for report in reports for other in report.missing}
-    heard = {_edge(report.agent, other) for report in reports for other in report.weights}
+    missing |= {edge(report.agent, other) for report in reports for other in report.missing}
+    heard = {edge(report.agent, other) for report in reports for other in report.weights}
     used, lost = (
-        tuple(sorted(edge for edge in edges if members.issuperset(edge)))
+        tuple(sorted(ends for ends in edges if members.issuperset(ends)))
         for edges in (heard - missing, missing)
     )
     return Links(used, lost)
@@ -109,9 +109,22 @@ def errors(moment: Moment) -> dict[str, float]:
     return sketch_errors(sketches) if all(sketches.values()) else {}
 
 
+def distances(moment: Moment, edges: Iterable[Edge]) -> dict[Edge, float]:
+    """How far apart the ends of these edges are, of those whose reports have sketches."""
+    sketches = {agent: np.array(report.sketch) for agent, report in moment.reports.items()}
+    return {
+        (a, b): float(np.linalg.norm(sketches[a] - sketches[b]))
+        for a, b in edges
+        if a in sketches and b in sketches and 0 < sketches[a].size == sketches[b].size
+    }
+
+
 def events(before: Moment, now: Moment, rounds: int) -> list[Event]:
     """What is worth a line; ``rounds`` is how many the swarm plays."""
-    lines = [Event("INFO", f"{agent} joined") for agent in sorted(now.present - before.present)]
+    lines = []
+    if 0 <= now.round < before.round:
+        lines.append(Event("WARN", f"the swarm goes on from round {now.round}"))
+    lines += [Event("INFO", f"{agent} joined") for agent in sorted(now.present - before.present)]
     for agent in sorted(before.present - now.present):
         last = before.reports[agent].round if agent in before.reports else None
         if last is None:
@@ -131,11 +144,22 @@ def events(before: Moment, now: Moment, rounds: int) -> list[Event]:
 
 def history(folder: RunFolder, config: SwarmFile) -> list[Moment]:
     """The rounds of a run folder, at most :data:`MOMENTS` of them."""
+    return thin(by_round(report for a in config.members for report in folder.reports(a)), MOMENTS)
+
+
+def remembered(answers: Mapping[str, Sequence[RoundReport]]) -> list[Moment]:
+    """The rounds that agents remember, every so many as the most forgetful of them."""
+    strides = [b.round - a.round for kept in answers.values() for a, b in pairwise(kept[:2])]
+    stride = max(strides, default=1)
+    return by_round(r for kept in answers.values() for r in kept if r.round % stride == 0)
+
+
+def by_round(reports: Iterable[RoundReport]) -> list[Moment]:
+    """A moment for each round."""
     rounds: dict[int, list[RoundReport]] = {}
-    for agent in config.members:
-        for report in folder.reports(agent):
-            rounds.setdefault(report.round, []).append(report)
-    return thin([Moment.of(rounds[round_]) for round_ in sorted(rounds)], MOMENTS)
+    for report in reports:
+        rounds.setdefault(report.round, []).append(report)
+    return [Moment.of(rounds[round_]) for round_ in sorted(rounds)]
 
 
 def thin(moments: Sequence[Moment], limit: int) -> list[Moment]:
@@ -162,5 +186,6 @@ def _spread(places: Sequence[int], count: int) -> list[int]:
     return [places[i] for i in np.linspace(0, len(places) - 1, count).astype(int)]
 
 
-def _edge(a: str, b: str) -> Edge:
+def edge(a: str, b: str) -> Edge:
+    """The edge between two agents."""
     return (a, b) if a < b else (b, a)

@@ -1,35 +1,52 @@
-"""Whence moments come and where recordings go: run folder or swarm; file or native viewer."""
+"""A session of the viewer: whence moments come, and for how long.
 
-import os
+From a run folder, a session shows what it holds.  Attached to a running swarm, it begins with what
+the agents remember (:mod:`swarm.history`) and goes on with what they publish; a session that
+somebody looks at waits for a swarm that goes away, and goes on when it is back.
+"""
+
 import queue
-import signal
-import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
-
-import rerun as rr
 
 from agent.config import SwarmFile
 from agent.runfolder import RunFolder
+from deploy.signals import stop_meanwhile
 from deploy.status import Target, observe
-from deploy.viewer.drawing import Scene
-from deploy.viewer.moments import Moment, history
-from deploy.viewer.recorder import FLUSH, Recorder, StreamBrokenError
-from swarm.errors import ConfigError, NetworkError, SwarmError
+from deploy.viewer.moments import Moment, history, remembered
+from deploy.viewer.outputs import Output, opened
+from deploy.viewer.recorder import Recorder
+from swarm.errors import ConfigError, NetworkError
+from swarm.history import ask_history
 from swarm.keys import Keys
 from swarm.roster import Roster
-from swarm.telemetry import RoundReport, watch_reports
+from swarm.telemetry import FlightSample, RoundReport, watch_flights, watch_reports
 
 LOOK = 3.0  # [s] for somebody to be seen
+RECALL = 2.0  # [s] for the agents to tell what they remember
 TICK = 0.5  # [s] between moments
 BATCH = 20  # moments that go to a file together: a column costs 1 kB, however short
 GONE = 2.0  # [s] without anybody: the swarm has ended
-MEMORY = "2GB"  # of the viewer; it drops the oldest data beyond
-NO_DISPLAY = "the viewer needs a display, and there is none: expected --save FILE.rrd"
+
+
+@dataclass(slots=True)
+class Inbox:
+    """What has arrived of a swarm's members and waits to be shown."""
+
+    members: tuple[str, ...]
+    reports: "queue.SimpleQueue[RoundReport]" = field(default_factory=queue.SimpleQueue)
+    flights: "queue.SimpleQueue[FlightSample]" = field(default_factory=queue.SimpleQueue)
+
+    def arrived(self) -> tuple[list[RoundReport], list[FlightSample]]:
+        """All of it, in order."""
+        reports = [self.reports.get() for _ in range(self.reports.qsize())]
+        samples = [self.flights.get() for _ in range(self.flights.qsize())]
+        return (
+            [report for report in reports if report.agent in self.members],
+            [sample for sample in samples if sample.agent in self.members],
+        )
 
 
 def record_run(folder: RunFolder, config: SwarmFile, path: Path) -> None:
@@ -38,149 +55,84 @@ def record_run(folder: RunFolder, config: SwarmFile, path: Path) -> None:
     Raises:
         ConfigError: the file cannot be written.
     """
-    with _recording(config, path) as recorder:
+    with opened(config, Output(save=path)) as recorder:
         recorder.take(history(folder, config))
 
 
-def view(target: Target, save: Path | None, live: bool | None) -> None:
-    """Show a swarm: in the native viewer, or (``save``) as a recording.
+def view(target: Target, output: Output, live: bool | None) -> None:
+    """Show a swarm.
 
     Args:
         target: the swarm, and its run folder if there is one.
-        save: file to write instead.
+        output: where.
         live: the running swarm, or else the run folder; None means whichever is there, in this
-            order.
+            order; and where neither is, but somebody looks, a swarm that is still to come.
 
     Raises:
         NetworkError: nobody is there, and no run folder may be shown instead.
-        ConfigError: there is no run folder, or the file cannot be written.
-        SwarmError: there is no display.
+        ConfigError: there is no run folder, or a file cannot be written.
+        SwarmError: the viewer does not start.
     """
     config, folder = target.config, target.folder
-    if save is None and not _has_display():
-        raise SwarmError(NO_DISPLAY)
     if live is False and folder is None:
         raise ConfigError("--no-live shows a run folder: expected one as argument, not a file")
-    if live is False or not _watch(config, save):
+    waits = output.stays and (live or folder is None)
+    if live is False or not _watch(config, output, waits):
         if live or folder is None:
             endpoints = ", ".join(config.endpoint(member) for member in config.members)
             raise NetworkError(
                 f'nobody of swarm "{config.name}" is on {endpoints}: '
                 "expected a running swarm, or a run folder as argument"
             )
-        with _recording(config, save) as recorder:
+        with opened(config, output) as recorder, stop_meanwhile() as stop:
             recorder.take(history(folder, config))
-    if save is not None:
-        print(
-            f"recording: {save} ({save.stat().st_size / 1e6:.1f} MB), to be seen with: rerun {save}"
-        )
+            if output.web:
+                stop.wait()
+    if (save := output.save) is not None:
+        size = save.stat().st_size / 1e6
+        print(f"recording: {save} ({size:.1f} MB), to be seen with: rerun {save}")
+    if output.screenshot is not None:
+        print(f"screenshot: {output.screenshot}")
 
 
-def _watch(config: SwarmFile, save: Path | None) -> bool:
-    """Show a running swarm until it ends or we are told to; False if there is none."""
-    keys, somebody = Keys(config.name), threading.Event()
-    inbox: queue.SimpleQueue[RoundReport] = queue.SimpleQueue()
+def _watch(config: SwarmFile, output: Output, waits: bool) -> bool:
+    """Show a running swarm until the session is over; False if there is none and nobody waits."""
+    keys, somebody, inbox = Keys(config.name), threading.Event(), Inbox(config.members)
     with observe(config) as session, Roster(session, keys) as roster:
         roster.call_on_change(somebody.set)
-        watch_reports(session, keys, inbox.put)
-        if not roster.present() and not somebody.wait(LOOK):
+        watch_reports(session, keys, inbox.reports.put)
+        watch_flights(session, keys, inbox.flights.put)
+        if not roster.present() and not somebody.wait(LOOK) and not waits:
             return False
-        with _recording(config, save) as recorder, _interruptible() as stop:
-            print(f"watching swarm {config.name} until it ends; stop with Ctrl-C", flush=True)
-            batch: list[Moment] = []
-            for moment in _moments(config, roster, inbox, stop):
-                batch.append(moment)
-                if save is None or len(batch) == BATCH:
-                    recorder.take(batch)
-                    batch = []
-            recorder.take(batch)
+        with opened(config, output) as recorder, stop_meanwhile() as stop:
+            end = "stop with Ctrl-C" if output.stays else "until it ends, or Ctrl-C"
+            print(f"watching swarm {config.name}; {end}", flush=True)
+            recorder.take(remembered(ask_history(session, keys, RECALL)))
+            _follow(recorder, output, roster, inbox, stop)
     return True
 
 
-def _moments(
-    config: SwarmFile,
-    roster: Roster,
-    inbox: "queue.SimpleQueue[RoundReport]",
-    stop: threading.Event,
-) -> Iterator[Moment]:
-    """The swarm's moments, one a :data:`TICK`, until ``stop`` or nobody has been here for long."""
-    moment, seen, members = Moment(), time.monotonic(), set(config.members)
-    while time.monotonic() - seen < GONE and not stop.wait(TICK):
+def _follow(
+    recorder: Recorder, output: Output, roster: Roster, inbox: Inbox, stop: threading.Event
+) -> None:
+    """Hand on what arrives until the session is over."""
+    batch: list[Moment] = []
+    samples: list[FlightSample] = []
+    moment, begun = recorder.last, time.monotonic()
+    seen, members = begun, set(inbox.members)
+    while not stop.wait(TICK):
+        now = time.monotonic()
         present = roster.present().keys() & members
-        if present:
-            seen = time.monotonic()
-        reports = [inbox.get() for _ in range(inbox.qsize())]
-        arrived = [report for report in reports if report.agent in members]
-        moment = moment.then(arrived, present, time.time())
-        yield moment
-
-
-@contextmanager
-def _recording(config: SwarmFile, save: Path | None) -> Iterator[Recorder]:
-    """A recorder that writes to a file, or to the native viewer if there is none.
-
-    Raises:
-        ConfigError: the file cannot be written.
-        SwarmError: the viewer does not start.
-    """
-    scene, name = Scene.of(config), f"swarm {config.name}"
-    if save is not None:
-        try:
-            save.open("wb").close()
-        except OSError as error:
-            raise ConfigError(f'"{save}" cannot be written: {error.strerror}') from None
-    with rr.RecordingStream(name) as stream:
-        if save is not None:
-            stream.save(save, default_blueprint=scene.blueprint())
-        else:
-            _spawn(stream, scene)
-        try:
-            yield Recorder(stream, scene)
-        except StreamBrokenError:
-            stream.disconnect()
-            if save is not None:
-                raise
-            print("the viewer was closed")
-
-
-def _spawn(stream: rr.RecordingStream, scene: Scene) -> None:
-    """Start the native viewer and connect to it.
-
-    Raises:
-        SwarmError: it does not start.
-    """
-    beside = Path(sys.executable).with_name("rerun")  # the venv need not be on the PATH
-    try:
-        rr.spawn(
-            memory_limit=MEMORY,
-            executable_path=str(beside) if beside.exists() else None,
-            default_blueprint=scene.blueprint(),
-            recording=stream,
-        )
-        stream.flush(timeout_sec=FLUSH)
-    except RuntimeError as error:
-        stream.disconnect()
-        raise SwarmError(f"{NO_DISPLAY} ({error})") from None
-
-
-def _has_display() -> bool:
-    """Whether a window can be opened, as far as one can tell without trying."""
-    return sys.platform != "linux" or bool(
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    )
-
-
-@contextmanager
-def _interruptible() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set meanwhile."""
-    stop = threading.Event()
-
-    def on_signal(number: int, frame: FrameType | None) -> None:
-        stop.set()
-
-    previous = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield stop
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)
+        seen = now if present else seen
+        reports, flown = inbox.arrived()
+        moment = moment.then(reports, present, time.time())
+        batch.append(moment)
+        samples += flown
+        if output.save is None or len(batch) == BATCH:
+            recorder.take(batch, samples)
+            batch, samples = [], []
+        if output.seconds is not None and now - begun >= output.seconds:
+            break
+        if not output.stays and now - seen >= GONE:
+            break
+    recorder.take(batch, samples)

@@ -1,8 +1,8 @@
 """The tasks' worlds: what stands still in them, and where things are.
 
 A tabular task is a picture of cells: a grid world as its grid, any other as one row of states.
-Units are cells; x is the column and y the row, from the top left.  Another kind of world is another
-class beside :class:`CellWorld`, and a line in :func:`world_of`.
+Units are cells; x is the column and y the row, from the top left.  Indoor worlds stand in
+``rooms``; another kind of world is another class, and a line in :func:`world_of`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from agent.config import Task
 from deploy.viewer import colours
+from deploy.viewer.rooms import Room
+from sim.indoor.scene import load
 from sim.tabular.env import TabularEnv
 from sim.tabular.gridworld import GridWorld
 
@@ -24,6 +26,7 @@ KINDS = ("free", "start", "goal", "obstacle")
 FREE, START, GOAL, OBSTACLE = range(4)
 FILL = (colours.FREE, colours.START, colours.GOAL, colours.TROUBLE)
 MARGIN = 0.25  # [cells] around a world
+INDOOR, DEFAULT = "IndoorFlight-v0", "indoor-long"  # as sim/indoor/env.py has them
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +75,13 @@ class CellWorld:
         return rrb.Spatial2DView(name=name, origin=origin, visual_bounds=bounds)
 
 
-def world_of(task: Task) -> CellWorld | None:
+def world_of(task: Task) -> CellWorld | Room | None:
     """How to draw a task; None if that is not known, or the world is not installed here."""
+    if task.env.rpartition(":")[2] == INDOOR:
+        try:
+            return Room.of(load(task.kwargs.get("scene", DEFAULT), lit=False))
+        except (ValueError, TypeError, OSError, ImportError):
+            return None
     try:
         env = gymnasium.make(task.env, **task.kwargs)
     except (gymnasium.error.Error, TypeError, ValueError, KeyError, ImportError):

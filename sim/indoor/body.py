@@ -1,11 +1,17 @@
-"""What flies: the ``Body`` protocol, and the kinematic body that goes exactly where it is told.
+"""What flies: the ``Body`` protocol, the bodies by name, and the one that goes exactly as told.
 
 Poses are NED: x north, y east, z down [m]; roll, pitch, yaw [rad], yaw clockwise from north seen
 from above, applied first.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
-from typing import NamedTuple, Protocol, cast, runtime_checkable
+from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
+
+import numpy as np
+
+from sim.indoor.rays import cast_many
+from sim.indoor.scene import Scene
 
 
 class Pose(NamedTuple):
@@ -32,26 +38,39 @@ class SetPoint(NamedTuple):
 class Body(Protocol):
     """Anything that can be sent from set point to set point.
 
-    The environment places it at the start of a flight, then alternates ``advance`` and ``pose``.
+    The environment places it at the start of a flight, then for every step asks for the pose, sends
+    it off and waits for it; several bodies are all sent off before the first is waited for.
     Camera, collision and distance follow the pose that the body reports, wherever it flies.
     """
 
     @property
-    def pose(self) -> Pose:
+    def pose(self) -> tuple[float, float, float, float, float, float]:
         """Where the body is now."""
         ...
 
     def place(self, pose: Pose) -> None:
-        """Be at the start of a new flight: level, at rest."""
+        """Be at the start of a new flight: level, at rest; or as near to that as the body can."""
         ...
 
-    def advance(self, target: SetPoint) -> None:
-        """Fly for the time of one step (0.4 m) towards the set point; return when it is over."""
+    def head_for(self, target: SetPoint) -> None:
+        """Set out towards the set point, 0.4 m away; return at once."""
+        ...
+
+    def arrive(self) -> None:
+        """Return when the time of the step is over, wherever the body then is."""
         ...
 
     def close(self) -> None:
         """Let go of whatever the body holds."""
         ...
+
+
+class Site(NamedTuple):
+    """Where one body of an environment flies."""
+
+    scene: str  # name or file of the world
+    home: Pose  # where it stands before it takes off
+    flight: int  # its number in the environment
 
 
 class KinematicBody:
@@ -67,22 +86,57 @@ class KinematicBody:
     def place(self, pose: Pose) -> None:
         self._pose = pose
 
-    def advance(self, target: SetPoint) -> None:
+    def head_for(self, target: SetPoint) -> None:
         self._pose = Pose(target.x, target.y, target.z, yaw=target.yaw)
+
+    def arrive(self) -> None:
+        """It is there."""
 
     def close(self) -> None:
         """Nothing to let go of."""
 
 
-BODIES = {"kinematic": "sim.indoor.body:KinematicBody"}
+BODIES = {"mavlink": "sim.vehicle.bodies:lockstep_bodies"}
 
 
-def make_body(body: str | Body) -> Body:
-    """A body by its name, by ``package.module:Class``, or the object itself."""
-    if not isinstance(body, str):
-        return body
-    entry = BODIES.get(body, body)
-    module, _, name = entry.partition(":")
-    if not name:
-        raise ValueError(f"no body {body!r}: expected one of {sorted(BODIES)} or 'module:Class'")
-    return cast(Body, getattr(import_module(module), name)())
+def home_of(scene: Scene, start: int = 0) -> Pose:
+    """The place on the floor below one of a scene's start poses, turned as that.
+
+    Raises:
+        ValueError: there is no such start.
+    """
+    if not 0 <= start < len(scene.starts):
+        raise ValueError(f"start {start} of {scene.name}: expected 0 to {len(scene.starts) - 1}")
+    x, y, z, _, _, yaw = (float(value) for value in scene.starts[start])
+    below, _ = cast_many(scene.mesh, 0, np.array([[x, y, z]]), np.array([[0.0, 0.0, 1.0]]))
+    return Pose(x, y, z + float(below[0]), yaw=yaw)
+
+
+def make_bodies(
+    body: str | Body | Sequence[Body], scenes: Sequence[Scene], options: dict[str, Any] | None
+) -> list[Body] | None:
+    """One body for each flight; None where all are kinematic.
+
+    Args:
+        body: a name of :data:`BODIES`, ``"kinematic"``, ``"module:maker"`` or the bodies.
+        scenes: the world of each flight.
+        options: for the maker, called ``maker(sites, **options)``.
+
+    Raises:
+        ValueError: there is no such body, or their number is not that of the flights.
+    """
+    if isinstance(body, str) and body != "kinematic":
+        module, _, name = BODIES.get(body, body).partition(":")
+        if not name:
+            names = ", ".join(["kinematic", *BODIES])
+            raise ValueError(f"no body {body!r}: expected one of {names}, or 'module:maker'")
+        sites = [Site(scene.name, home_of(scene), i) for i, scene in enumerate(scenes)]
+        return cast("list[Body]", getattr(import_module(module), name)(sites, **(options or {})))
+    if options:
+        raise ValueError(f"body_options = {options}: expected none with this body")
+    if isinstance(body, str):
+        return None
+    bodies = [body] if isinstance(body, Body) else list(body)
+    if len(bodies) != len(scenes):
+        raise ValueError(f"{len(bodies)} bodies for {len(scenes)} flights")
+    return bodies

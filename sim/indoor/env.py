@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
-from sim.indoor.body import Body, make_body
+from sim.indoor.body import Body, make_bodies
 from sim.indoor.camera import Camera, Renderer
 from sim.indoor.flights import ACTIONS, Flights
 from sim.indoor.mesh import Doubles, Floats
@@ -54,7 +54,9 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
 
     ## Arguments
     ``scene``: a name (``sim.indoor.scenes.NAMES``) or the path of a .glb, .gltf, .obj or .ply file;
-    ``body``: ``"kinematic"``, ``"module:Class"`` or any object with the ``Body`` protocol;
+    ``body``: ``"kinematic"``; ``"mavlink"``, a simulated vehicle with a MAVLink autopilot, in
+    lockstep (``body_options``: arguments of ``sim.vehicle.bodies.lockstep_bodies``);
+    ``"module:maker"``; or any object with the ``Body`` protocol (``sim.indoor.body``);
     ``camera``: another size or field of view; ``max_steps``; ``render_mode``: ``"rgb_array"``,
     PEDRA's picture of 320 x 180.
     """
@@ -69,6 +71,7 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         scene: str = "indoor-long",
         body: str | Body = "kinematic",
         *,
+        body_options: dict[str, Any] | None = None,
         max_steps: int | None = None,
         camera: Camera | None = None,
         render_mode: str | None = None,
@@ -77,9 +80,8 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         self.camera = camera or Camera()
         self.max_steps = max_steps
         self.scene = load(scene)
-        self._body = None if body == "kinematic" else make_body(body)
-        bodies = None if self._body is None else [self._body]
-        self._flights = Flights([self.scene], self.camera, bodies)
+        self._bodies = make_bodies(body, [self.scene], body_options)
+        self._flights = Flights([self.scene], self.camera, self._bodies)
         self._renderer: Renderer | None = None
         shape = (self.camera.height, self.camera.width, 3)
         self.observation_space = spaces.Box(0, 255, shape, np.uint8)
@@ -90,6 +92,12 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         """Metric depth of the last observation (H, W) [m]; `inf` where nothing is."""
         depth: Floats = self._flights.depth[0]
         return depth
+
+    @property
+    def picture(self) -> Observation:
+        """The last observation."""
+        picture: Observation = self._flights.rgb[0]
+        return picture
 
     @property
     def pose(self) -> Doubles:
@@ -134,8 +142,8 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
 
     def close(self) -> None:
         """Let go of the body."""
-        if self._body is not None:
-            self._body.close()
+        for body in self._bodies or ():
+            body.close()
 
 
 def start_pose(options: dict[str, Any], starts: Doubles) -> Doubles | None:

@@ -153,7 +153,9 @@ class Flights:
             target = np.empty(4)
             for i, body in enumerate(self.bodies):
                 aim(before[i], actions[i], self._noise[i], target)
-                body.advance(SetPoint(*(float(value) for value in target)))
+                body.head_for(SetPoint(*(float(value) for value in target)))
+            for i, body in enumerate(self.bodies):
+                body.arrive()
                 self.pose[i] = body.pose
         step(
             self._canvas,

@@ -10,7 +10,7 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from sim.indoor.body import Body, make_body
+from sim.indoor.body import Body, make_bodies
 from sim.indoor.camera import Camera, Renderer
 from sim.indoor.env import RENDER, start_pose
 from sim.indoor.flights import ACTIONS, Flights
@@ -32,7 +32,7 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
     arrays that ``step`` returns are yours to keep.  ``depth`` (n, H, W) is that of the observation,
     and is overwritten.
 
-    ``body``: ``"kinematic"``, or a sequence of one ``Body`` a flight.
+    ``body``: as there, or a sequence of one ``Body`` a flight.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium declares it so)
@@ -47,6 +47,7 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
         scene: str | Sequence[str] = "indoor-long",
         body: str | Sequence[Body] = "kinematic",
         *,
+        body_options: dict[str, Any] | None = None,
         max_steps: int | None = None,
         camera: Camera | None = None,
         render_mode: str | None = None,
@@ -57,13 +58,7 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
         self.camera = camera or Camera()
         names = [scene] if isinstance(scene, str) else list(scene)
         scenes = [load(names[i % len(names)]) for i in range(num_envs)]
-        self._bodies: list[Body] | None = None
-        if isinstance(body, str) and body != "kinematic":
-            self._bodies = [make_body(body) for _ in range(num_envs)]
-        elif not isinstance(body, str):
-            self._bodies = list(body)
-        if self._bodies is not None and len(self._bodies) != num_envs:
-            raise ValueError(f"{len(self._bodies)} bodies for {num_envs} flights")
+        self._bodies = make_bodies(body, scenes, body_options)
         self._flights = Flights(scenes, self.camera, self._bodies)
         self._random = [seeding.np_random(None)[0] for _ in range(num_envs)]
         self._renderers: dict[str, Renderer] = {}
@@ -159,5 +154,5 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Let go of the bodies."""
-        for body in self._bodies or []:
+        for body in self._bodies or ():
             body.close()

@@ -1,9 +1,10 @@
 """The autopilot: ``handle(message) -> replies`` and ``advance(seconds) -> telemetry``.
 
-It owns the state (armed, mode, set point, home, battery) and decides what the quadrotor flies; it
-has no socket, no thread and no clock: all timers run on simulation time, counted by ``advance``.
-What differs between PX4 and ArduPilot is in ``flavours``, ``setpoints`` and ``parameters``, and
-here where ``flavour.px4`` is asked.
+It owns the state (armed, mode, set point, home, battery); it has no socket, no thread and no clock:
+all timers run on simulation time, counted by ``advance``.  What it does stands in ``inbox`` and
+``commands`` (what is asked of it), ``arming``, ``steering`` (what is flown) and ``watch`` (what it
+looks after by itself).  What differs between PX4 and ArduPilot is in ``flavours``, ``setpoints``
+and ``parameters``, and wherever ``flavour.px4`` is asked.
 """
 
 import math
@@ -12,20 +13,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.vehicle import guidance, inbox, setpoints, telemetry
+from sim.vehicle.arming import OFFBOARD_RATE, Sortie, unready
 from sim.vehicle.control import Speeds
 from sim.vehicle.dialect import Message, mavlink
 from sim.vehicle.flavours import Flavour, Mode
 from sim.vehicle.frames import Doubles, Geodetic, geodetic_from_ned
 from sim.vehicle.missions import MissionStore
-from sim.vehicle.parameters import Limits, Parameters
+from sim.vehicle.parameters import Parameters
 from sim.vehicle.quadrotor import SLICE, Quadrotor
+from sim.vehicle.steering import steer
 from sim.vehicle.telemetry import Streams, View
+from sim.vehicle.watch import watch
 
 ZURICH = Geodetic(47.397742, 8.545594, 488.0)  # where PX4's simulated vehicles stand
-CRASH = 3.0  # m/s; a harder touch ends the flight.  A guess
-OFFBOARD_RATE = 0.5  # s; PX4 arms in OFFBOARD only with set points faster than 2 Hz
-TAKEOFF_SPEED = 1.5  # m/s, PX4 MPC_TKO_SPEED
-REACHED = 0.3  # m, a take-off or a way home that is this near is over
 
 
 @dataclass
@@ -78,9 +78,8 @@ class Autopilot:
         self.heading = math.nan  # rad, asked for by CONDITION_YAW
         self.cruise: float | None = None  # m/s, asked for by DO_CHANGE_SPEED
         self.course = guidance.Course()  # how far the mission or the way home has got
+        self.sortie = Sortie()
         self._slices = 0
-        self._armed_at = self._landed_at = 0.0
-        self._flown = False  # since it was armed
         self._energy = 1.0
         self._outbox: list[Message] = []
 
@@ -98,7 +97,8 @@ class Autopilot:
 
     @property
     def landed(self) -> bool:
-        return self.body.on_ground
+        """On the ground, or at rest on something else."""
+        return self.body.on_ground or (not self.armed and self.body.touching)
 
     @property
     def battery(self) -> float:
@@ -145,7 +145,7 @@ class Autopilot:
             home_ned=self.home_ned,
             battery=self.battery,
             estimator=self.estimator,
-            armable=self._unready() is None,
+            armable=unready(self) is None,
             failsafe=self.failsafe,
         )
 
@@ -183,50 +183,6 @@ class Autopilot:
 
     # -- what may be done, and doing it ------------------------------------------------------------
 
-    def _unready(self) -> str | None:
-        """What keeps the vehicle from arming, whatever its mode."""
-        if not self.estimator:
-            return "no position estimate yet"
-        if self.battery <= self.parameters.limits.critical_battery:
-            return f"battery {self.battery:.0%} too low"
-        return None
-
-    def arm(self) -> str | None:
-        """Arm; or say why not."""
-        if self.armed:
-            return None
-        reason = self._unready()
-        if reason is None and not self.landed:
-            reason = "not landed"
-        if reason is None and self.flavour.px4 and self.mode is Mode.GUIDED:
-            age = self.setpoint_age()
-            if age > OFFBOARD_RATE:
-                reason = "no offboard set points"
-        if reason is None and self.mode in {Mode.LAND, Mode.RETURN}:
-            reason = f"mode {self.mode.value} not armable"
-        if reason is None and self.mode is Mode.MISSION and not self.missions.items:
-            reason = "no mission"
-        if reason is not None:
-            head = "Arming denied" if self.flavour.px4 else "PreArm"
-            self.say(f"{head}: {reason}", mavlink.MAV_SEVERITY_CRITICAL)
-            return reason
-        self.armed, self._flown, self.failsafe = True, False, False
-        self._armed_at = self.now
-        self.body.impact = 0.0
-        self.home_ned = self.body.position
-        self.hold = setpoints.hold_at(self.body.position)
-        return None
-
-    def disarm(self, *, force: bool = False) -> bool:
-        """Stop the rotors; in the air only by force."""
-        if self.armed and not self.landed and not force:
-            self.say("Disarming denied: not landed", mavlink.MAV_SEVERITY_CRITICAL)
-            return False
-        self.armed, self.climb = False, None
-        if self.flavour.px4 and self.mode is not Mode.MISSION:
-            self._enter(Mode.HOLD)
-        return True
-
     def setpoint_age(self) -> float:
         """Seconds since the last set point; infinite without one."""
         return math.inf if self.setpoint is None else self.now - self.setpoint.time
@@ -245,12 +201,13 @@ class Autopilot:
         if mode is Mode.TAKEOFF:
             return self.take_off(self.parameters.limits.takeoff_height)
         if mode is not self.mode:
-            self._enter(mode)
+            self.enter(mode)
         if custom_mode is not None:
             self.custom_mode = custom_mode
         return None
 
-    def _enter(self, mode: Mode) -> None:
+    def enter(self, mode: Mode) -> None:
+        """Be in a mode, without asking whether that is allowed."""
         self.mode, self.climb, self.heading = mode, None, math.nan
         self.custom_mode = self.flavour.custom_mode(mode)
         self.course = guidance.Course()
@@ -269,7 +226,7 @@ class Autopilot:
             return f"height {height:.1f} m not allowed"
         if not self.flavour.px4 and self.mode is not Mode.GUIDED:
             return "take-off needs GUIDED"
-        self._enter(Mode.TAKEOFF if self.flavour.px4 else Mode.GUIDED)
+        self.enter(Mode.TAKEOFF if self.flavour.px4 else Mode.GUIDED)
         self.climb = float(self.home_ned[2]) - height
         self.hold = setpoints.hold_at(self.body.position)
         return None
@@ -285,11 +242,11 @@ class Autopilot:
         if not np.allclose(kept[0:3], target[0:3]):
             return "beyond the fence"
         if self.flavour.px4:
-            self._enter(Mode.HOLD)
+            self.enter(Mode.HOLD)
             self.hold = target
         else:
             if self.mode is not Mode.GUIDED:
-                self._enter(Mode.GUIDED)
+                self.enter(Mode.GUIDED)
             self.setpoint = SetPoint(target, self.now, moving=False)
         return None
 
@@ -297,9 +254,10 @@ class Autopilot:
         """Be in the air there, at rest, armed and guided: how a training flight begins."""
         x, y, z = (float(value) for value in position)
         self.body.place(x, y, z, yaw, flying=True)
-        self.armed, self._flown, self.failsafe = True, True, False
+        self.armed, self.failsafe = True, False
+        self.sortie = Sortie(armed_at=self.now, landed_at=self.now, flown=True)
         self._energy = 1.0
-        self._enter(Mode.GUIDED)
+        self.enter(Mode.GUIDED)
         self.hold = setpoints.hold_at(position, yaw)
         self.setpoint = SetPoint(self.hold.copy(), self.now, moving=False)
 
@@ -308,9 +266,8 @@ class Autopilot:
     def advance(self, seconds: float) -> list[Message]:
         """Let whole slices of 20 ms pass; what the vehicle says at their end."""
         for _ in range(round(seconds / SLICE)):
-            self._watch()
-            target, speeds = self._target()
-            self.body.advance(target, speeds)
+            watch(self)
+            self.body.advance(*steer(self))
             self._slices += 1
             self.now = self._slices * SLICE
             if self.armed:
@@ -325,110 +282,3 @@ class Autopilot:
                 elif (message := telemetry.BUILDERS[id_](view)) is not None:
                     out.append(message)
         return out
-
-    def _watch(self) -> None:
-        """Crash, battery, lost set points, automatic disarming."""
-        if not self.armed:
-            return
-        limits = self.parameters.limits
-        if self.body.impact > CRASH:
-            self.say("Crash: disarming", mavlink.MAV_SEVERITY_EMERGENCY)
-            self.failsafe = True
-            self.disarm(force=True)
-            return
-        if not self.landed:
-            self._flown, self._landed_at = True, self.now
-        elif self.climb is None:
-            waited = self.now - (self._landed_at if self._flown else self._armed_at)
-            limit = limits.disarm_landed if self._flown else limits.disarm_waiting
-            coming_down = self._flown and self.mode in {Mode.LAND, Mode.RETURN, Mode.MISSION}
-            patience = limit if coming_down or self.flavour.px4 else limits.disarm_waiting
-            if patience >= 0 and waited >= patience and not self._wants_up():
-                self.say("Disarmed by landing" if self._flown else "Disarmed: no take-off")
-                self.disarm()
-                return
-        if self.battery <= limits.critical_battery and self.mode is not Mode.LAND:
-            self.say("Critical battery: landing", mavlink.MAV_SEVERITY_EMERGENCY)
-            self.failsafe = True
-            self._enter(Mode.LAND)
-        offboard = self.mode is Mode.GUIDED and self.flavour.px4
-        if offboard and self.setpoint_age() > limits.setpoint_timeout:
-            self.say("Offboard set points lost", mavlink.MAV_SEVERITY_CRITICAL)
-            action = {3: Mode.RETURN, 4: Mode.LAND}.get(int(self.parameters["COM_OBL_RC_ACT"]))
-            self._enter(action or Mode.HOLD)
-
-    def _wants_up(self) -> bool:
-        """Whether what it flies leads off the ground."""
-        if self.climb is not None or (self.mode is Mode.MISSION and not self.course.landing):
-            return True
-        if self.mode is not Mode.GUIDED or not self.flavour.px4 or self.setpoint is None:
-            return False
-        target = self.setpoint.target
-        return bool(target[2] < self.body.position[2] - REACHED or target[5] < -0.1)
-
-    def _target(self) -> tuple[Doubles | None, Speeds]:
-        """What the body is to fly in this slice; None with the rotors off."""
-        limits = self.parameters.limits
-        wish = self.cruise or limits.cruise
-        if self.mode is Mode.MISSION and not math.isnan(self.course.speed):
-            wish = self.course.speed
-        cruise = min(wish, limits.speed)
-        speeds = Speeds(cruise, limits.up, limits.down)
-        if not self.armed or (self.landed and not self._wants_up()):
-            return None, speeds
-        if self.climb is not None:
-            target = self.hold.copy()
-            target[2] = self.climb
-            speeds = Speeds(cruise, min(TAKEOFF_SPEED, limits.up), limits.down)
-            if abs(self.body.position[2] - self.climb) < REACHED:
-                self._end_takeoff(target)
-        elif self.mode is Mode.GUIDED and self.setpoint is not None:
-            target = self._guided(self.setpoint)
-            speeds = Speeds(limits.speed, limits.up, limits.down)
-        elif self.mode is Mode.LAND:
-            target = guidance.descend(self.hold, self.body, limits, self.home_ned)
-        elif self.mode is Mode.RETURN:
-            target = guidance.go_home(self.course, self.hold, self.body, limits, self.home_ned)
-        elif self.mode is Mode.MISSION:
-            target = self._fly_mission(limits)
-        else:
-            target = self.hold
-        fenced = setpoints.confine(
-            target, self.body.position, limits.fence_radius, limits.fence_height
-        )
-        if math.isnan(fenced[6]) and math.isnan(fenced[7]):
-            fenced[6] = self.heading
-        return fenced, speeds
-
-    def _end_takeoff(self, target: Doubles) -> None:
-        self.climb = None
-        if self.flavour.px4:
-            self._enter(Mode.HOLD)
-        self.hold = target
-
-    def _guided(self, setpoint: SetPoint) -> Doubles:
-        """The set point; ArduPilot stands still where a velocity has become too old."""
-        target = setpoint.target
-        if not setpoint.moving or self.flavour.px4:
-            return target
-        if self.now - setpoint.time <= self.parameters.limits.setpoint_timeout:
-            return target
-        self.hold = setpoints.hold_at(guidance.stopping_point(self.body, self.parameters.limits))
-        self.setpoint = None
-        return self.hold
-
-    def _fly_mission(self, limits: Limits) -> Doubles:
-        around = guidance.Surroundings(
-            self.now, limits, self.flavour, self.origin, self.home, self.home_ned
-        )
-        target, reached, over = guidance.fly_mission(
-            self.course, self.missions, self.hold, self.body, around
-        )
-        for seq in reached:
-            self._outbox.append(mavlink.MAVLink_mission_item_reached_message(seq))
-        if reached:
-            self._outbox.append(self.missions.current_message())
-            self.hold = setpoints.hold_at(guidance.stopping_point(self.body, limits))
-        if over and self.flavour.px4:
-            self._enter(Mode.HOLD)
-        return self.hold if over else target

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sim.vehicle import commands, setpoints, telemetry
+from sim.vehicle import commands, orders, setpoints, telemetry
 from sim.vehicle.codec import Attitude, LocalPosition, SetPointMessage
 from sim.vehicle.dialect import Message, mavlink
 
@@ -85,7 +85,7 @@ def _parameters(pilot: Autopilot, kind: str, message: Message) -> list[Message]:
 
 def _mission(pilot: Autopilot, kind: str, message: Message) -> None:
     if kind in _ITEM_MESSAGES and message.current == 2 and not pilot.flavour.px4:
-        verdict = commands.guided_item(pilot, message)
+        verdict = orders.guided_item(pilot, message)
         sender = (message.get_srcSystem(), message.get_srcComponent())
         pilot.send(mavlink.MAVLink_mission_ack_message(*sender, verdict))
         return

@@ -1,17 +1,18 @@
 """The other end of a lockstep vehicle: place it, step it, read where it is.
 
-Interface: :class:`LockstepClient`, and :func:`start` for a vehicle in a process of its own.  Used
-where training runs with the full vehicle in the loop; the protocol is described in ``server``.
+Interface: :class:`LockstepClient`.  Used where training runs with the full vehicle in the loop
+(``bodies``, ``fleet``); the protocol is described in ``server``.
 """
 
 import math
-import multiprocessing
-import multiprocessing.synchronize
 import socket
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from types import TracebackType
 from typing import NamedTuple, Self
+
+import gymnasium
 
 from sim.vehicle import server
 from sim.vehicle.codec import Attitude, Codec, LocalPosition, SetPointMessage
@@ -36,7 +37,7 @@ COMPANION = 191  # component id, MAV_COMP_ID_ONBOARD_COMPUTER
 class Timing:
     """How long to wait [s]."""
 
-    appear: float = 60.0  # until the vehicle is heard: it may have to compile
+    appear: float = 300.0  # until the vehicle is heard: it may have to compile
     answer: float = 0.5  # until a step is asked for again
     give_up: float = 10.0  # until the vehicle counts as dead
 
@@ -50,17 +51,31 @@ class VehicleState(NamedTuple):
     attitude: tuple[float, float, float]  # rad: roll, pitch, yaw
 
 
+class VehicleLostError(gymnasium.error.Error, TimeoutError):
+    """A vehicle does not answer, or its process has ended: an environment's error."""
+
+
 class LockstepClient:
     """Steps one vehicle over UDP.
 
+    Args:
+        port: where it is expected to send to; 0: a free one.
+        system: its system id.
+        key: 32 bytes; sign, and believe only what is signed.
+        timing: how long to wait.
+
+    Attributes:
+        alive: asked whether there is anybody to wait for, whenever nothing comes.
+
     Raises:
-        TimeoutError: the vehicle does not answer in time (every method).
+        VehicleLostError: the vehicle does not answer in time (every method).
         RuntimeError: it refuses (``place``).
     """
 
     def __init__(
         self, port: int = 0, system: int = 1, key: bytes | None = None, timing: Timing | None = None
     ) -> None:
+        self.alive: Callable[[], bool] = lambda: True
         self._timing = timing or Timing()
         self._system = system
         self._codec = Codec(system, COMPANION, key)
@@ -68,7 +83,10 @@ class LockstepClient:
         self._socket.bind((server.LOOPBACK, port))
         self.port: int = self._socket.getsockname()[1]
         self._peer: tuple[str, int] | None = None
-        self._ms = -1
+        self._ms = self._token = -1  # of the newest telemetry, and of the step that was begun
+        self._asked: Message = None  # the set point of that step
+        self._place: LocalPosition | None = None
+        self._turn: Attitude | None = None
         self._state: VehicleState | None = None
 
     def __enter__(self) -> Self:
@@ -95,15 +113,31 @@ class LockstepClient:
 
     def fly_to(self, x: float, y: float, z: float, yaw: float) -> VehicleState:
         """One step towards a place [m, NED] and a heading [rad]."""
-        return self._step(TO_POSITION, x=x, y=y, z=z, yaw=yaw)
+        self._send_set_point(TO_POSITION, x=x, y=y, z=z, yaw=yaw)
+        return self.finish()
 
     def fly_at(self, vx: float, vy: float, vz: float, yaw: float) -> VehicleState:
         """One step at a velocity [m/s, NED] with a heading [rad]."""
-        return self._step(BY_VELOCITY, vx=vx, vy=vy, vz=vz, yaw=yaw)
+        self.send_velocity(vx, vy, vz, yaw)
+        return self.finish()
 
     def wait(self) -> VehicleState:
         """One step without a set point."""
-        return self._step(NEUTRAL)
+        self._send_set_point(NEUTRAL)
+        return self.finish()
+
+    def send_velocity(self, vx: float, vy: float, vz: float, yaw: float) -> None:
+        """Begin a step at a velocity [m/s, NED] with a heading [rad]; ``finish`` ends it."""
+        self._send_set_point(BY_VELOCITY, vx=vx, vy=vy, vz=vz, yaw=yaw)
+
+    def finish(self) -> VehicleState:
+        """Wait until the step that was begun is over; ask again for what got lost."""
+        token, end = self._token, time.monotonic() + self._timing.give_up
+        while self._ms == token:
+            if not self._receive(end):
+                self._send(self._codec.encode(self._asked))
+        assert self._state is not None
+        return self._state
 
     def place(self, x: float, y: float, z: float, yaw: float) -> VehicleState:
         """Be in the air there, at rest; takes no time."""
@@ -126,7 +160,7 @@ class LockstepClient:
                 if getattr(answer, "command", None) == id_ and answer.get_type() == "COMMAND_ACK":
                     return int(answer.result)
 
-    def _step(
+    def _send_set_point(
         self,
         mask: int,
         x: float = 0.0,
@@ -136,18 +170,13 @@ class LockstepClient:
         vy: float = 0.0,
         vz: float = 0.0,
         yaw: float = 0.0,
-    ) -> VehicleState:
+    ) -> None:
         self.connect()
-        token = self._ms
-        message = SetPointMessage(
-            token, x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, yaw, 0.0, mask, self._system, 1, LOCAL_NED
+        self._token = self._ms
+        self._asked = SetPointMessage(
+            self._ms, x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, yaw, 0.0, mask, self._system, 1, LOCAL_NED
         )
-        end = time.monotonic() + self._timing.give_up
-        while self._ms == token:
-            self._send(self._codec.encode(message))
-            self._receive(end)
-        assert self._state is not None
-        return self._state
+        self._send(self._codec.encode(self._asked))
 
     def _send(self, frame: bytes) -> None:
         assert self._peer is not None
@@ -157,82 +186,28 @@ class LockstepClient:
         """What one datagram holds; remembers the state in it."""
         left = end - time.monotonic()
         if left <= 0:
-            raise TimeoutError(f"vehicle {self._system} does not answer on port {self.port}")
+            raise VehicleLostError(f"vehicle {self._system} does not answer on port {self.port}")
         self._socket.settimeout(min(left, self._timing.answer))
         try:
             data, peer = self._socket.recvfrom(65_536)
         except (TimeoutError, ConnectionError):
+            if not self.alive():
+                raise VehicleLostError(f"the process of vehicle {self._system} has ended") from None
             return []
         messages = self._codec.decode_all(data)
         if messages and self._peer is None:
             self._peer = peer
-        place = turn = None
         for message in messages:
             if isinstance(message, LocalPosition):
-                place = message
+                self._place = message
             elif isinstance(message, Attitude):
-                turn = message
-        if place is not None and turn is not None and place.time_boot_ms > self._ms:
+                self._turn = message
+        place, turn = self._place, self._turn
+        if place is None or turn is None or place.time_boot_ms != turn.time_boot_ms:
+            return messages
+        if place.time_boot_ms > self._ms:
             self._ms = place.time_boot_ms
             if not all(math.isfinite(value) for value in (*place, *turn)):
                 raise RuntimeError(f"vehicle {self._system} reports numbers that are none")
             self._state = VehicleState(self._ms, place[1:4], place[4:7], turn[1:4])
         return messages
-
-
-class VehicleProcess:
-    """A lockstep vehicle in a process of its own, ended with ``close``."""
-
-    def __init__(self, options: server.Options) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._stop = context.Event()
-        self._process = context.Process(
-            target=_fly, args=(options, self._stop), name="vehicle", daemon=True
-        )
-        self._process.start()
-
-    @property
-    def pid(self) -> int | None:
-        return self._process.pid
-
-    def close(self) -> None:
-        """End it; by force if it does not listen."""
-        self._stop.set()
-        self._process.join(5.0)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-
-
-def start(
-    options: server.Options, timing: Timing | None = None
-) -> tuple[VehicleProcess, LockstepClient]:
-    """Start a vehicle on free ports, and the client that is connected to it; close both."""
-    client = LockstepClient(0, options.system, options.key, timing)
-    step = options.lockstep or 0.4
-    vehicle = VehicleProcess(
-        replace(options, port=client.port, local_port=0, ground_port=None, lockstep=step)
-    )
-    try:
-        client.connect()
-    except BaseException:
-        client.close()
-        vehicle.close()
-        raise
-    return vehicle, client
-
-
-def _fly(options: server.Options, stop: multiprocessing.synchronize.Event) -> None:
-    """The process: ignore Ctrl-C, which is for the one that started us."""
-    import signal  # noqa: PLC0415
-    import threading  # noqa: PLC0415
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    flag = threading.Event()
-
-    def watch() -> None:
-        stop.wait()
-        flag.set()
-
-    threading.Thread(target=watch, daemon=True).start()
-    server.run(options, flag)

@@ -1,7 +1,8 @@
 """One flying quadrotor: body, control, weather, sensors, and the world it may bump into.
 
-Interface: :class:`Quadrotor`.  The world is anything with a swept-sphere query, :class:`World`;
-without one it is an open field, flat at z = 0.
+Interface: :class:`Quadrotor`.  The world is a :class:`World`: how far a sphere may move, and what
+is below; without one it is an open field, flat at z = 0.  The drone is a sphere that shrinks where
+its legs come near to what is below: so it can land, also on a table.
 """
 
 from dataclasses import dataclass
@@ -18,11 +19,18 @@ SLICE = 0.02  # s, between two looks at the weather, the sensors and the walls
 SLICE_STEPS = round(SLICE / SUBSTEP)
 
 
+CLOSE = 0.01  # m, between the shrunken sphere and what the legs stand on
+
+
 class World(Protocol):
     """Anything solid."""
 
-    def __call__(self, start: Doubles, move: Doubles, radius: float) -> float:
+    def reach(self, start: Doubles, move: Doubles, radius: float) -> float:
         """Share (0..1) of a straight `move` (3,) [m, NED] that a sphere can make; inf if all."""
+        ...
+
+    def floor(self, place: Doubles) -> float:
+        """z of what is straight below a place (3,) [m, NED]."""
         ...
 
 
@@ -45,6 +53,9 @@ class Noise:
     correlation: float = 5.0  # s, a guess
 
 
+NOISY = Noise(position=0.15, velocity=0.05, yaw=0.02)  # a GPS receiver of the better sort; a guess
+
+
 class Quadrotor:
     """Flies targets (see ``control``) through a world.  All times are simulation time."""
 
@@ -55,18 +66,20 @@ class Quadrotor:
         noise: Noise | None = None,
         seed: int = 0,
         world: World | None = None,
-        ground: float = 0.0,
+        yaw: float = 0.0,
     ) -> None:
+        """It stands at the origin, its nose towards `yaw` [rad]."""
         self.airframe, self.gains = parts.load()
         self.weather, self.noise = weather or Weather(), noise or Noise()
-        self.world, self.ground = world, ground
+        self.world, self.ground = world, 0.0
         self._random = np.random.default_rng(seed)
         self._gust = np.zeros(3)
         self._belief = np.zeros(7)
         self._memory = np.zeros(MEMORY)
         self._stale = True  # the memory belongs to another flight
         self.impact = 0.0  # m/s, of the hardest touch since the last take-off
-        self.place(0.0, 0.0, ground - self.airframe.legs, 0.0, flying=False)
+        self.touching = False  # the way was barred in the last slice
+        self.place(0.0, 0.0, -self.airframe.legs, yaw, flying=False)
 
     # -- what the autopilot's sensors say ----------------------------------------------------------
 
@@ -109,7 +122,7 @@ class Quadrotor:
         self._memory[:] = 0.0, 0.0, 0.0, yaw
         self._gust[:] = 0.0
         self._belief[:] = 0.0
-        self._stale, self.impact = not flying, 0.0
+        self._stale, self.impact, self.touching = not flying, 0.0, False
 
     def advance(self, target: Doubles | None, speeds: Speeds, slices: int = 1) -> None:
         """Fly `slices` of 20 ms towards a target (8,); with None the rotors are off."""
@@ -121,6 +134,8 @@ class Quadrotor:
         for _ in range(slices):
             self._weather_and_sensors()
             start = self.state[0:3].copy()
+            if self.world is not None:
+                self.ground = self.world.floor(start)
             air = self._gust + self.weather.wind
             if target is None:
                 hit = coast(self.state, air, self.ground, self.airframe, SLICE_STEPS)
@@ -137,8 +152,11 @@ class Quadrotor:
     def _meet(self, world: World, start: Doubles) -> None:
         """Stop where the way is barred; the speed at which it was met is an impact."""
         move = self.state[0:3] - start
-        share = world(start, move, self.airframe.radius)
-        if not share <= 1.0:
+        low = self.ground - max(start[2], self.state[2])  # above what is below
+        radius = min(self.airframe.radius, max(low, self.airframe.legs) - CLOSE)
+        share = world.reach(start, move, radius)
+        self.touching = share <= 1.0
+        if not self.touching:
             return
         self.impact = max(self.impact, float(np.linalg.norm(self.state[3:6])))
         self.state[0:3] = start + share * move

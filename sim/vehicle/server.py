@@ -26,7 +26,8 @@ from sim.vehicle.dialect import Message
 from sim.vehicle.flavours import PX4, Flavour
 from sim.vehicle.frames import Geodetic
 from sim.vehicle.links import Link, TcpLink, UdpLink
-from sim.vehicle.quadrotor import SLICE, Noise, Quadrotor, Weather, World
+from sim.vehicle.quadrotor import SLICE, Noise, Quadrotor, Weather
+from sim.vehicle.rooms import Room
 
 LOCAL_OFFSET = 40  # PX4's simulation sends to 14540 + i from 14580 + i
 GROUND_STATION = 14550
@@ -54,7 +55,8 @@ class Options:
     noise: Noise = field(default_factory=Noise)
     seed: int = 0
     origin: Geodetic = ZURICH
-    ground: float = 0.0  # m, z of the ground
+    scene: str | None = None  # name or file of the world; None: an open field
+    start: int = 0  # home is below this start pose of the scene
 
     def __post_init__(self) -> None:
         if not 0 < self.port < 65_536 - LOCAL_OFFSET:
@@ -86,27 +88,30 @@ def open_link(options: Options) -> UdpLink | TcpLink:
 def run(
     options: Options,
     stop: threading.Event,
-    world: World | None = None,
     ready: Callable[[int], None] = lambda port: None,
+    room: Room | None = None,
 ) -> Autopilot:
     """Fly one vehicle until it is told to stop; the autopilot as it then is.
 
     Args:
         options: which one.
         stop: set it, and the vehicle ends within a fifth of a second.
-        world: what it may bump into; None: an open field.
         ready: called once, with the port it listens on.
+        room: the scene of the options, where it has been loaded already.
 
     Raises:
         OSError: a port is taken.
+        ValueError: there is no such scene or start.
     """
+    if options.scene is not None and room is None:
+        room = Room(options.scene, options.start)
     with closing(open_link(options)) as link:
         body = Quadrotor(
             weather=options.weather,
             noise=options.noise,
             seed=options.seed,
-            world=world,
-            ground=options.ground,
+            world=room,
+            yaw=room.home.yaw if room is not None else 0.0,
         )
         pilot = Autopilot(
             body,

@@ -197,8 +197,8 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
         assert after[member].incarnation == before[member].incarnation  # nobody was restarted
         assert sum(after[member].rejected.values()) == FLOOD
         assert set(after[member].rejected) <= CAUSES
-        assert {TRAITOR, "mallory"} >= set(after[member].quarantined)
-        assert after[member].quarantined
+        assert {TRAITOR, "mallory"} >= set(after[member].quarantined)  # for a time
+        assert after[member].rejected["quarantined"] > 0.9 * FLOOD
         assert after[member].memory_mb < before[member].memory_mb + 10
         reports = list(RunFolder(tmp_path / member).reports(member))
         assert all(TRAITOR not in report.weights for report in reports)

@@ -83,11 +83,22 @@ def test_a_whole_flight(options: Options) -> None:
             "body frame",
             lambda: drone.fly_ahead(1.0, 0.0, 0.0, 0.0),
         )
+        until(drone, lambda: math.hypot(*drone.state.velocity) < 0.05, "coasts to a stop")
         drone.hold()
-        until(drone, lambda: math.hypot(*drone.state.velocity) < 0.1, "hold")
+        with pytest.raises(VehicleError, match="expected take_off or resume first"):
+            drone.fly_at(0.0, 0.0, 0.0, 0.0)
+        with pytest.raises(VehicleError, match="is in the air: expected it on the ground"):
+            drone.take_off(2.0)
+        drone.resume()  # the way back to set points
+        until(
+            drone,
+            lambda: drone.state.velocity[0] > 0.9,
+            "velocity again",
+            lambda: drone.fly_at(1.0, 0.0, 0.0, 1.0),
+        )
         drone.land()
         assert not drone.state.armed
-        with pytest.raises(VehicleError, match="has not taken off"):
+        with pytest.raises(VehicleError, match="expected take_off or resume first"):
             drone.fly_at(0.0, 0.0, 0.0, 0.0)
     stamp = struct.unpack(">Q", tape.getvalue()[:8])[0]
     assert abs(stamp / 1e6 - time.time()) < 300
@@ -142,7 +153,7 @@ def test_a_low_battery_ends_in_a_landing(options: Options) -> None:
 
 def test_someone_else_taking_over_ends_in_a_landing(options: Options) -> None:
     def take_over(drone: Vehicle) -> None:
-        drone._outbox.append(
+        drone._talk.send(
             mavlink.MAVLink_command_long_message(
                 3, 1, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0, 0, 0, 0, 0, 0, 0, 0
             )
@@ -190,7 +201,7 @@ def test_a_refusal_says_why_in_one_line(options: Options) -> None:
         with pytest.raises(VehicleError, match="take-off to 1000 m: expected"):
             drone.take_off(1000.0)
         with pytest.raises(VehicleError, match=r"refuses to take off.*not armed") as refusal:
-            drone._command("take off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 490.0)
+            drone._talk.command("take off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 490.0)
         assert "\n" not in str(refusal.value)
 
 
@@ -215,7 +226,7 @@ def test_other_connections_and_signing(speaks_first: str) -> None:
         ("tcp:127.0.0.1:70000", "expected 1 to 65535"),
         ("tcp:127.0.0.1:1", "cannot be opened"),
         ("serial:/dev/nothing-here:57600", "cannot be opened"),
-        ("udpin:127.0.0.1:21999", "no autopilot is heard"),
+        ("udpin:127.0.0.1:21999", "sends nothing: no autopilot within 0.3 s"),
     ],
 )
 def test_a_connection_that_leads_nowhere(text: str, words: str) -> None:

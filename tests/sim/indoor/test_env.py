@@ -163,14 +163,18 @@ class Drifting:
 
     def __init__(self) -> None:
         self.pose = Pose(0, 0, 0)
+        self.steps = 0
         self.closed = False
 
     def place(self, pose: Pose) -> None:
         self.pose = pose
 
-    def advance(self, target: SetPoint) -> None:
+    def head_for(self, target: SetPoint) -> None:
         x, y = (0.25 * a + 0.75 * b for a, b in zip(self.pose[:2], target[:2], strict=True))
         self.pose = Pose(x, y, target.z, 0.02, -0.05, target.yaw)
+
+    def arrive(self) -> None:
+        self.steps += 1
 
     def close(self) -> None:
         self.closed = True
@@ -185,7 +189,7 @@ def test_any_body_may_fly() -> None:
     assert info["distance"] == pytest.approx(0.3)
     assert info["pose"][4] == -0.05
     env.close()
-    assert body.closed
+    assert body.steps == 1 and body.closed
 
 
 def test_a_named_kinematic_body_is_the_built_in_one() -> None:
@@ -197,6 +201,12 @@ def test_a_named_kinematic_body_is_the_built_in_one() -> None:
         assert np.array_equal(a[0], b[0]) and np.array_equal(a[1], b[1])
     with pytest.raises(ValueError, match="no body 'glider'"):
         make(body="glider")
+    with pytest.raises(ValueError, match="1 bodies for 2 flights"):
+        make_vec(2, body=[KinematicBody()])
+    with pytest.raises(ValueError, match="expected none with this body"):
+        make(body_options={"step": 0.4})
+    with pytest.raises(ValueError, match='flavour "paper": expected one of px4, ardupilot'):
+        make(body="mavlink", body_options={"flavour": "paper"})
 
 
 def test_rendering() -> None:

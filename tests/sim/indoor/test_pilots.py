@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deploy import fly, worlds
+from deploy import fly, pilots, worlds
 
 
 def test_pilots_order(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,16 +32,16 @@ def test_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_unknown_pilot() -> None:
     with pytest.raises(ValueError, match="expected greedy, straight or random"):
-        fly.make_pilot("ace", 0, 1)
+        pilots.make_pilot("ace", 0, 1)
 
 
 def test_plan_avoids_a_wall() -> None:
     """A wall across the way at 3.2 m, open to the right: it turns right."""
     y = np.linspace(-3, 1.2, 80)
     wall = np.stack([np.full_like(y, 3.2), y], axis=1)
-    assert fly.plan(wall, 0.0, 0.0, 0.0) > 0
-    assert fly.plan(wall * [1, -1], 0.0, 0.0, 0.0) < 0
-    assert fly.plan(np.empty((0, 2)), 0.0, 0.0, 0.0) == 0
+    assert pilots.plan(wall, 0.0, 0.0, 0.0) > 0
+    assert pilots.plan(wall * [1, -1], 0.0, 0.0, 0.0) < 0
+    assert pilots.plan(np.empty((0, 2)), 0.0, 0.0, 0.0) == 0
 
 
 def test_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,7 @@ import pytest
 from sim.vehicle.codec import LocalPosition
 from sim.vehicle.dialect import mavlink
 from sim.vehicle.flavours import ARDUPILOT, PX4, Flavour, Mode
+from sim.vehicle.frames import Doubles
 from tests.sim.vehicle.cockpit import (
     ACCEPTED,
     ARM,
@@ -345,6 +346,25 @@ def test_a_crash_disarms(flying: Cockpit) -> None:
     flying.body.impact = 5.0
     flying.wait(0.1)
     assert not flying.pilot.armed
+
+
+def test_what_bars_the_way_down_is_landed_on(flying: Cockpit) -> None:
+    """The edge of a table: the sphere rests on it, there is no floor under the legs."""
+
+    class Edge:
+        def reach(self, start: Doubles, move: Doubles, radius: float) -> float:
+            gap = -0.75 - radius - start[2]
+            return max(gap, 0.0) / move[2] if move[2] > max(gap, 0.0) else math.inf
+
+        def floor(self, place: Doubles) -> float:
+            return 0.0
+
+    flying.body.world = Edge()
+    assert flying.command(LAND) == ACCEPTED
+    flying.wait(8.0)
+    assert not flying.pilot.armed
+    assert flying.pilot.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+    assert flying.body.position[2] == pytest.approx(-1.0, abs=0.01)
 
 
 def test_timesync_ping_and_the_older_set_mode(cockpit: Cockpit, flavour: Flavour) -> None:

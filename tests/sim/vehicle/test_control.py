@@ -111,11 +111,15 @@ def test_noise_has_the_stated_size() -> None:
 def test_the_world_stops_it() -> None:
     """A wall 1 m ahead: a sphere of 0.25 m stops 0.75 m away; the impact has its speed."""
 
-    def wall(start: Doubles, move: Doubles, radius: float) -> float:
-        gap = 1.0 - radius - start[0]
-        return max(gap, 0.0) / move[0] if move[0] > max(gap, 0.0) else math.inf
+    class Wall:
+        def reach(self, start: Doubles, move: Doubles, radius: float) -> float:
+            gap = 1.0 - radius - start[0]
+            return max(gap, 0.0) / move[0] if move[0] > max(gap, 0.0) else math.inf
 
-    body = hovering(world=wall)
+        def floor(self, place: Doubles) -> float:
+            return 0.0
+
+    body = hovering(world=Wall())
     target = nothing()
     target[3:6], target[2] = (1.0, 0.0, 0.0), -2.0
     path = record(body, target, 3.0)

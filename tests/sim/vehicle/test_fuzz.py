@@ -1,7 +1,6 @@
 """100,000 random, mutated, truncated, replayed and foreign packets: no crash, no movement."""
 
 import random
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -124,10 +123,8 @@ def hail(flavour: Flavour, count: int, seed: int) -> None:
 
 
 def test_a_hail_of_packets_neither_crashes_nor_moves_it() -> None:
-    begun = time.monotonic()
     hail(PX4, PACKETS // 2, seed=1)
     hail(ARDUPILOT, PACKETS // 2, seed=2)
-    assert time.monotonic() - begun < 60
 
 
 def test_any_message_with_any_numbers_leaves_the_state_finite() -> None:

@@ -1,0 +1,97 @@
+"""The drone table: which runs there are, and what is claimed of their flights."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from agent.checkpoint import Checkpoint, write
+from deploy.evaluate import Cell, Evaluation
+from deploy.reproduce.claims import Options
+from deploy.reproduce.drones import table
+from deploy.reproduce.drones.runs import ESTIMATORS, Run, last, plan, steps_per_round
+from sim.indoor.scenes import NAMES
+from swarm.telemetry import RoundReport
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS)
+def test_all_runs_of_an_estimator_have_the_same_settings(tmp_path: Path, estimator: str) -> None:
+    whole, *alone = plan(tmp_path, estimator, budget=150_000, seed=1)
+    assert [run.name for run in alone] == ["sa-0", "sa-1", "sa-2", "sa-3"]
+    for i, run in enumerate(alone):
+        assert run.config.agents == (whole.config.agents[i],)
+        same = msgspec.structs.replace(
+            run.config,
+            name=whole.config.name,
+            agents=whole.config.agents,
+            network=whole.config.network,
+        )
+        assert same == whole.config
+    steps = whole.config.rounds * steps_per_round(whole.config)
+    assert 150_000 <= steps < 150_000 + steps_per_round(whole.config)
+    ports = [run.config.network.base_port for run in (whole, *alone)]
+    assert min(np.diff(sorted(ports))) >= len(whole.config.agents)
+
+
+def report(agent: str, round_: int, steps: int, distance: float) -> bytes:
+    fields = RoundReport(
+        agent=agent, round=round_, time=0.0, seconds=2.0, waited=0.0, value=1.0, episodes=3,
+        steps=steps, gradient_norm=1.0, disagreement=0.0, weights={}, distance=distance,
+    )  # fmt: skip
+    return msgspec.json.encode(fields) + b"\n"
+
+
+def pretend(run: Run, metres: dict[str, float]) -> None:
+    """A run that has been trained and flown: its files."""
+    for agent in run.config.members:
+        run.folder.prepare(agent)
+        lines = [report(agent, k, 1024 * (k + 1), 10.0 + k) for k in range(run.config.rounds)]
+        run.folder.metrics(agent).write_bytes(b"".join(lines))
+        write(run.folder.checkpoints(agent), Checkpoint(run.config.rounds, "", np.zeros(1)))
+    cells = {
+        world: [Cell("greedy", 100, mean, 1.0, 0.0), Cell("stochastic", 100, mean, 1.0, 0.0)]
+        for world, mean in metres.items()
+    }
+    evaluation = Evaluation(str(run.folder.path), None, "m", 0, cells)
+    (run.folder.path / "eval.json").write_bytes(msgspec.json.encode(evaluation))
+
+
+@pytest.mark.parametrize(("swarm", "good"), [(90.0, True), (30.0, False)])
+def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool) -> None:
+    root = tmp_path / "runs"
+    for run in plan(root, "ppo", budget=4 * 1024, seed=1):
+        home = int(run.name[-1]) if run.name.startswith("sa") else None
+        metres = {
+            world: swarm if home is None else (80.0 if i == home else 5.0)
+            for i, world in enumerate(NAMES)
+        }
+        pretend(run, metres)
+        assert run.finished
+    options = Options(tmp_path / "out", 1, False, lambda text: None)
+    options.out.mkdir()
+    told: list[str] = []
+    found = table.study(options, ["ppo"], 4 * 1024, root=root, tell=told.append)
+    claims = {claim.what: claim for claim in found.claims}
+    ratio = claims["ppo DCPG's sum / best SA's"]
+    assert ratio.ours == f"{4 * swarm / 95.0:.3f}"
+    assert ratio.paper == "2.8"
+    assert ratio.holds == good
+    cells = claims["cells where DCPG >= 0.9 of SA-i in world i"]
+    assert cells.ours.startswith("4 of 4" if good else "0 of 4")
+    assert cells.holds == good
+    assert len(told) == 5
+    assert found.data["ppo"]["runs"]["dcpg"]["steps"] == 4 * 4 * 1024
+    assert found.figures[0].stat().st_size > 1000
+
+
+def test_the_last_report_is_found_without_reading_all(tmp_path: Path) -> None:
+    run = plan(tmp_path, "ppo", budget=1024, seed=1)[1]
+    agent = run.config.members[0]
+    assert last(run.folder, agent) is None
+    run.folder.prepare(agent)
+    run.folder.metrics(agent).write_bytes(report(agent, 0, 7, 1.0) + b'{"agent": "tor')
+    found = last(run.folder, agent)
+    assert found is not None
+    assert found.steps == 7
+    assert not run.finished

@@ -1,0 +1,102 @@
+"""Swarms whose agents learn with networks: real processes, from the first round to the export."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from agent import checkpoint
+from agent.config import load
+from agent.pilot import Pilot
+from agent.runfolder import RunFolder
+from deploy.evaluate import Evaluation
+from tests.integration.harness import MEMBERS, SWARMS, free_base_port, swarm, until
+
+PATIENCE = 240.0  # [s] torch alone takes a loaded machine a while to import
+
+
+def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
+    """Run ``swarm`` to its end: (exit code, output)."""
+    with swarm(*arguments, cwd=cwd) as command:
+        return command.wait(PATIENCE), command.output
+
+
+def short(rounds: int) -> list[str]:
+    port = f"network.base_port={free_base_port(4)}"
+    return ["--no-record", "--set", f"rounds={rounds}", "--set", port]
+
+
+def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    with swarm(
+        "up", SWARMS / "cartpole.toml", "--run", folder.path, *short(60), cwd=tmp_path
+    ) as up:
+        until(lambda: len(list(folder.reports("drone0"))) > 12, "a dozen rounds", PATIENCE)
+        up.interrupt()
+        assert up.wait() == 130
+    begin = folder.common_round(MEMBERS)
+    held = [checkpoint.rounds_in(folder.checkpoints(agent))[-1] for agent in MEMBERS]
+    assert max(held) - begin <= 3  # nothing but the last rounds of the fastest is lost
+    code, output = run("up", "--resume", folder.path, "--no-record", cwd=tmp_path)
+    assert code == 0, output
+    assert "51,200" not in output
+    thetas = [folder.newest(agent).theta for agent in MEMBERS]
+    spread = max(float(np.linalg.norm(t - np.mean(thetas, axis=0))) for t in thetas)
+    assert 0 < spread < 3  # they mix, and are not one
+
+    code, output = run("eval", folder.path, "--flights", "4", "--json", cwd=tmp_path)
+    assert code == 0, output
+    kept = json.loads((folder.path / "eval.json").read_text())
+    assert kept["measure"] == "return"
+    assert len(kept["cells"]) == len(MEMBERS)
+    greedy = [cells[0]["mean"] for cells in kept["cells"].values()]
+    assert np.mean(greedy) > 100  # of 500; a beginner holds the pole for some 20 steps
+
+    code, output = run("export", folder.path, "--format", "onnx", cwd=tmp_path)
+    assert code == 0, output
+    seen = np.random.default_rng(0).normal(0, 0.1, (32, 4)).astype(np.float32)
+    session = onnxruntime.InferenceSession(folder.path / "policy.onnx")
+    (logits,) = session.run(["logits"], {"observations": seen})
+    actions = Pilot.load(folder.path).actions(seen, greedy=True)
+    np.testing.assert_array_equal(logits.argmax(1), actions)
+
+
+def test_drones_learn_from_pictures(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "run")
+    small = ["--set", "training.worlds=2", "--set", "training.segment=16"]
+    code, output = run(
+        "up", SWARMS / "drones-ppo.toml", "--run", folder.path, *short(2), *small, cwd=tmp_path
+    )
+    assert code == 0, output
+    for agent in MEMBERS:
+        reports = list(folder.reports(agent))
+        assert reports[-1].steps == 2 * 2 * 16
+        assert set(reports[-1].weights) <= set(MEMBERS) - {agent}
+        assert len(reports[-1].weights) == 2
+    assert folder.newest("drone0").theta.size == 1_280_025 + 1_025
+    scene = ["--scene", "indoor-pyramid", "--flights", "2"]
+    code, output = run("eval", folder.path, *scene, "--agent", "drone1", cwd=tmp_path)
+    assert code == 0, output
+    text = (folder.path / "eval.json").read_bytes()
+    evaluation = json.loads(text)
+    assert evaluation["agent"] == "drone1"
+    assert 0 < evaluation["cells"]["indoor-pyramid"][0]["mean"] < 1000
+    assert Evaluation.__struct_fields__ == tuple(evaluation)
+    assert load(folder.config).training.worlds == 2
+
+
+def test_mistakes_are_one_line(tmp_path: Path) -> None:
+    cases = [
+        (["eval", "nothing"], '"nothing" is not a run folder'),
+        (["eval", "nothing.safetensors"], 'no file "nothing.safetensors"'),
+        (["export", "nothing.safetensors", "--format", "onnx"], "nothing.safetensors"),
+        (["reproduce", "drones", "--estimator", "sarsa"], '"sarsa": expected one of'),
+        (["up", str(SWARMS / "cartpole.toml"), "--set", 'estimator={kind="exact"}'], "exact"),
+        (["up", str(SWARMS / "gridworld-a.toml"), "--set", "training.worlds=3"], "[training]"),
+    ]
+    for arguments, words in cases:
+        code, output = run(*arguments, cwd=tmp_path)
+        assert code != 0
+        assert words in output
+        assert "Traceback" not in output
