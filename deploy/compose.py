@@ -5,8 +5,9 @@ serves the browser.  The containers share a network that leads nowhere else (Doc
 there), so agents dial each other by service name and learn of the rest by gossip.  The resolved
 swarm file travels in the compose file itself.
 
-Where a task flies a vehicle (``body = "agent.vehicle.body:vehicle_bodies"``), it is the container
-beside the agent, in the same scene; the vehicles of other swarms stand by.
+Where a task flies a vehicle, its own (``body = "mavlink"``) or another one
+(``"agent.vehicle.body:vehicle_bodies"``), it flies the container beside the agent, in real time and
+in the same scene; the vehicles of other swarms stand by.
 """
 
 import json
@@ -22,6 +23,7 @@ from swarm.errors import ConfigError
 PORT = 7447  # on which every agent listens in its container
 MAVLINK = 14580  # on which a vehicle listens
 BODY = "agent.vehicle.body:vehicle_bodies"
+FLIES = ("mavlink", BODY)  # bodies that are vehicles
 SYSTEMS = 250  # MAVLink system ids are 1 to 250 for vehicles
 
 HEAD = Template("""\
@@ -70,7 +72,7 @@ AGENT = Template("""\
 
   $vehicle:
     <<: *vehicle
-    command: [--sysid, "$system", --host, 0.0.0.0, --ground-port, "0"$scene]$build_vehicle
+    command: $options$build_vehicle
 
 """)
 BUILD = "\n    build: {<<: *build, target: %s}"  # said once for each image
@@ -134,11 +136,21 @@ def in_containers(config: SwarmFile) -> SwarmFile:
 
 def _beside_its_vehicle(agent: AgentEntry) -> Task:
     kwargs = agent.task.kwargs
-    if kwargs.get("body") != BODY:
+    if kwargs.get("body") not in FLIES:
         return agent.task
-    vehicle = f"udpout:{vehicle_of(agent.id)}:{MAVLINK}"
-    options = kwargs.get("body_options", {}) | {"vehicle": vehicle}
-    return replace(agent.task, kwargs=kwargs | {"body_options": options})
+    given = kwargs.get("body_options", {}) if kwargs["body"] == BODY else {}
+    options = given | {"vehicle": f"udpout:{vehicle_of(agent.id)}:{MAVLINK}"}
+    return replace(agent.task, kwargs=kwargs | {"body": BODY, "body_options": options})
+
+
+def vehicle_options(agent: AgentEntry, system: int) -> list[str]:
+    """Options of ``swarm vehicle`` for the container beside an agent."""
+    kwargs = agent.task.kwargs
+    options = ["--sysid", str(system), "--host", "0.0.0.0", "--ground-port", "0"]  # noqa: S104
+    if kwargs.get("body") in FLIES:
+        flavour = kwargs.get("body_options", {}).get("flavour", "px4")
+        options += ["--flavour", flavour, "--scene", str(kwargs.get("scene", NAMES[0]))]
+    return options
 
 
 def vehicle_of(agent: str) -> str:
@@ -162,15 +174,13 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
     scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
     worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
     parts = [HEAD.substitute(source=source, name=name, context=context, worlds=worlds)]
-    for place, agent in enumerate(inside.agents):
-        first, scene = place == 0, agent.task.kwargs.get("scene")
-        flies = scene in NAMES and agent.task.kwargs.get("body") == BODY
+    for place, agent in enumerate(config.agents):
+        first = place == 0
         parts.append(
             AGENT.substitute(
                 agent=agent.id,
                 vehicle=vehicle_of(agent.id),
-                scene=f", --scene, {scene}" if flies else "",
-                system=place + 1,
+                options=json.dumps(vehicle_options(agent, place + 1)),
                 build_agent=BUILD % "agent" if first else "",
                 build_vehicle=BUILD % "vehicle" if first else "",
             )

@@ -26,7 +26,7 @@ NOSE = 1.5  # [m] length of the arrow
 FLIGHTS = 6  # paths that are shown of each drone
 POINTS = 300  # most places of a path that are drawn
 DIM = 0.45  # brightness of earlier paths
-PICTURES = 1.0  # [s] between pictures of one drone: an hour of four drones stays under a gigabyte
+LARGE = 1.0  # [s] between paths, and pictures, of a drone: an hour of four stays under 1 GB
 
 Path = NDArray[np.float32]  # (n, 3) [m, NED]
 
@@ -52,16 +52,16 @@ class Trail:
     Attributes:
         flight: number of the flight under way; None before the first.
         paths: of the last flights, the one under way at the end.
-        pictured: time of the last picture [Unix s].
+        drawn: time of the last paths and pictures [Unix s].
     """
 
     flight: int | None = None
     paths: deque[list[tuple[float, float, float]]] = field(
         default_factory=lambda: deque(maxlen=FLIGHTS)
     )
-    pictured: float = 0.0
+    drawn: float = 0.0
 
-    def take(self, sample: FlightSample) -> list[Path]:
+    def take(self, sample: FlightSample) -> list[list[tuple[float, float, float]]]:
         """Add a sample; returns all paths, thinned evenly where they have too many places."""
         if sample.flight != self.flight:
             self.flight = sample.flight
@@ -72,27 +72,29 @@ class Trail:
                 path.append(place)
         while len(path) > POINTS:
             del path[1:-1:2]  # every second one, not the ends
-        return [np.array(path, np.float32) for path in self.paths]
+        return list(self.paths)
 
 
 def flight_rows(sample: FlightSample, trail: Trail, colour: Colour) -> Iterator[Row]:
     """What a sample adds; its drone's ``trail`` grows by it."""
     agent, at = sample.agent, (sample.round, sample.time)
     paths = trail.take(sample)
-    red, green, blue = colour
-    dim = (int(red * DIM), int(green * DIM), int(blue * DIM))
-    shades = [dim] * (len(paths) - 1) + [colour]
-    yield Row(f"worlds/{agent}/flights", strips, *at, Paths(paths, shades))
     nose = (NOSE * float(np.cos(sample.yaw)), NOSE * float(np.sin(sample.yaw)), 0.0)
     yield Row(f"worlds/{agent}/drone", arrows, *at, Arrow(sample.position, nose))
     yield Row(f"action/{agent}", scalars, *at, float(sample.action))
     yield Row(f"reward/{agent}", scalars, *at, sample.reward)
-    if sample.time >= trail.pictured + PICTURES:
-        trail.pictured = sample.time
-        if sample.camera:
-            yield Row(f"sight/{agent}/camera", pictures, *at, sample.camera)
-        if sample.depth:
-            yield Row(f"sight/{agent}/depth", depths, *at, sample.depth)
+    if sample.time < trail.drawn + LARGE:
+        return
+    trail.drawn = sample.time
+    red, green, blue = colour
+    dim = (int(red * DIM), int(green * DIM), int(blue * DIM))
+    shades = [dim] * (len(paths) - 1) + [colour]
+    shown = [np.array(path, np.float32) for path in paths]
+    yield Row(f"worlds/{agent}/flights", strips, *at, Paths(shown, shades))
+    if sample.camera:
+        yield Row(f"sight/{agent}/camera", pictures, *at, sample.camera)
+    if sample.depth:
+        yield Row(f"sight/{agent}/depth", depths, *at, sample.depth)
 
 
 def still(agents: Mapping[str, Colour]) -> Iterator[tuple[str, rr.AsComponents]]:

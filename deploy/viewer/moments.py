@@ -148,10 +148,15 @@ def history(folder: RunFolder, config: SwarmFile) -> list[Moment]:
 
 
 def remembered(answers: Mapping[str, Sequence[RoundReport]]) -> list[Moment]:
-    """The rounds that agents remember, every so many as the most forgetful of them."""
+    """The rounds that agents remember, every so many as the most forgetful of them.
+
+    Rounds that not all of them have finished are under way, not missed: they are left out.
+    """
     strides = [b.round - a.round for kept in answers.values() for a, b in pairwise(kept[:2])]
     stride = max(strides, default=1)
-    return by_round(r for kept in answers.values() for r in kept if r.round % stride == 0)
+    done = min((kept[-1].round for kept in answers.values() if kept), default=-1)
+    reports = (report for kept in answers.values() for report in kept)
+    return by_round(r for r in reports if r.round % stride == 0 and r.round <= done)
 
 
 def by_round(reports: Iterable[RoundReport]) -> list[Moment]:

@@ -45,7 +45,7 @@ def test_every_agent_has_a_container_a_vehicle_and_a_name_to_be_dialled(
     text = compose_file(config, "test.toml", ".")
     for i in range(count):
         assert f"\n  d{i}:\n    <<: *agent\n    command: [--id, d{i}]" in text
-        assert f'\n  d{i}-vehicle:\n    <<: *vehicle\n    command: [--sysid, "{i + 1}"' in text
+        assert f'\n  d{i}-vehicle:\n    <<: *vehicle\n    command: ["--sysid", "{i + 1}"' in text
     assert text.count("build: {") == 3
     assert "\nname: test-1\n" in text
     found = inside(text, tmp_path / "swarm.json")
@@ -55,14 +55,24 @@ def test_every_agent_has_a_container_a_vehicle_and_a_name_to_be_dialled(
     assert found.network.gossip
 
 
-def test_who_flies_a_vehicle_flies_the_one_beside_it() -> None:
-    options = {"vehicle": "udpin:0.0.0.0:14540", "speed": 0.5}
-    kwargs = {"scene": "indoor-long", "body": BODY, "body_options": options}
+@pytest.mark.parametrize(
+    ("body", "options", "flavour"),
+    [
+        (BODY, {"vehicle": "udpin:0.0.0.0:14540", "speed": 0.5}, "px4"),
+        ("mavlink", {"system": 7, "flavour": "ardupilot"}, "ardupilot"),
+    ],
+)
+def test_who_flies_a_vehicle_flies_the_one_beside_it(
+    body: str, options: dict[str, object], flavour: str
+) -> None:
+    kwargs = {"scene": "indoor-long", "body": body, "body_options": options}
     config = swarm_of("d0", task=Task("sim:IndoorFlight-v0", kwargs))
-    flown = in_containers(config).agents[0].task.kwargs["body_options"]
-    assert flown == {"vehicle": "udpout:d0-vehicle:14580", "speed": 0.5}
+    flown = in_containers(config).agents[0].task.kwargs
+    kept = {"speed": 0.5} if body == BODY else {}
+    assert flown["body"] == BODY
+    assert flown["body_options"] == kept | {"vehicle": "udpout:d0-vehicle:14580"}
     text = compose_file(config, "test.toml", ".")
-    assert "--scene, indoor-long]" in text
+    assert f'"--flavour", "{flavour}", "--scene", "indoor-long"]' in text
     assert 'WORLDS: "indoor-long"' in text
 
 

@@ -144,5 +144,5 @@ def test_a_long_path_is_thinned_and_keeps_its_ends() -> None:
     for step in range(5 * POINTS):
         (path,) = trail.take(sample(step))
         assert len(path) <= POINTS
-    assert path[0].tolist() == pytest.approx([8.0, 4.0, -1.5])
-    assert path[-1].tolist() == pytest.approx([8 + 0.4 * step, 4 + 0.4 * step, -1.5], rel=1e-6)
+    assert path[0] == pytest.approx([8.0, 4.0, -1.5])
+    assert path[-1] == pytest.approx([8 + 0.4 * step, 4 + 0.4 * step, -1.5], rel=1e-6)

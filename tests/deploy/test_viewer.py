@@ -16,7 +16,17 @@ from agent.estimators import Exact
 from agent.runfolder import RunFolder
 from deploy.viewer import record_run
 from deploy.viewer.drawing import Scene
-from deploy.viewer.moments import Event, Links, Moment, errors, events, history, links, thin
+from deploy.viewer.moments import (
+    Event,
+    Links,
+    Moment,
+    errors,
+    events,
+    history,
+    links,
+    remembered,
+    thin,
+)
 from deploy.viewer.recorder import Recorder
 from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
 from swarm.telemetry import RoundReport
@@ -148,6 +158,15 @@ def test_a_moment_follows_from_what_arrives_and_who_is_here() -> None:
     assert parting.present == {"drone0", "drone1"}
     last = parting.then([], set(), 7.0)
     assert (last.present, last.reports, last.round) == (frozenset(), {}, 9)
+
+
+def test_what_agents_remember_becomes_rounds_that_all_have_finished() -> None:
+    coarse = [report(0, k) for k in range(0, 12, 4)]  # an old agent remembers every fourth round
+    fine = [report(1, k) for k in range(6, 11)]  # a young one all of its few
+    moments = remembered({"drone0": coarse, "drone1": fine, "drone2": []})
+    assert [moment.round for moment in moments] == [0, 4, 8]
+    assert moments[-1].present == {"drone0", "drone1"}
+    assert remembered({}) == []
 
 
 def test_thinning_keeps_the_ends_the_sketches_and_the_faults() -> None:

@@ -20,9 +20,10 @@ from sim.vehicle.server import Options
 from tests.integration.harness import Command, swarm
 from tests.integration.vehicles import HOST, vehicle
 
-pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 SPEED = 4.0  # simulated seconds per second
 SCENE = "indoor-long"
+PATIENT = 800.0  # s; a loaded machine takes minutes to start a process
 
 
 @pytest.fixture(params=[PX4, ARDUPILOT], ids=lambda flavour: flavour.name)
@@ -43,7 +44,7 @@ def fly(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
     """``swarm fly`` to its end, which takes its time."""
     with swarm("fly", *arguments, cwd=cwd) as command:
         try:
-            return command.wait(240.0), command.output
+            return command.wait(PATIENT), command.output
         except subprocess.TimeoutExpired:
             raise AssertionError(f"still flying: {command.output}") from None
 
@@ -83,11 +84,11 @@ def test_a_learned_policy_flies_until_ctrl_c(options: Options, tmp_path: Path) -
         "fly", policy, "--dice", "--vehicle", connection(options), "--scene", SCENE,
         "--out", folder, cwd=tmp_path,
     ) as command:  # fmt: skip
-        command.says("in the air")
+        command.says("in the air", PATIENT)
         _fly_a_little(command, folder)
         command.interrupt()
-        command.says("landing: told to stop")
-        assert command.wait() == 0, command.output
+        command.says("landing: told to stop", PATIENT)
+        assert command.wait(PATIENT) == 0, command.output
         assert "landed" in command.output
     assert summary(folder)["ended"] == "told to stop"
 
@@ -97,7 +98,7 @@ def _fly_a_little(command: Command, folder: Path) -> None:
 
     tape = folder / "flight.tlog"
     before = tape.stat().st_size
-    until(lambda: tape.stat().st_size > before + 30_000, "some more telemetry")
+    until(lambda: tape.stat().st_size > before + 30_000, "some more telemetry", PATIENT)
     assert command.process.poll() is None, command.output
 
 

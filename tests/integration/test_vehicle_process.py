@@ -33,7 +33,8 @@ def test_two_vehicles_and_a_taken_port() -> None:
     ports = free_port(), free_port()
     running = [
         command("--port", str(port), "--sysid", str(sysid), "--flavour", flavour,
-                "--speed", "4", "--ground-port", "0", "--wind", "1,0,0.3", "--noise")
+                "--speed", "4", "--ground-port", "0", "--wind", "1,0,0.3", "--noise",
+                *(("--scene", "indoor-long") if sysid == 7 else ()))
         for port, sysid, flavour in zip(ports, (7, 8), ("px4", "ardupilot"), strict=True)
     ]  # fmt: skip
     try:
@@ -64,6 +65,8 @@ def test_two_vehicles_and_a_taken_port() -> None:
         (["--sysid", "0"], "system id 0: expected 1 to 250"),
         (["--wind", "strong"], "expected NORTH,EAST"),
         (["--signing-key", "/nowhere"], "cannot be read"),
+        (["--scene", "indoor-nowhere"], "indoor-nowhere"),
+        (["--scene", "indoor-long", "--start", "99"], "start 99 of indoor-long: expected 0 to"),
     ],
 )
 def test_a_mistake_is_one_line(arguments: list[str], words: str) -> None:
