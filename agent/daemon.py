@@ -99,6 +99,7 @@ def run_agent(
             Exchange(
                 session, keys, (agent, incarnation), config.members, layout, mixer.codec,
                 config.timing, roster, waits=config.pace == "sync",
+                shared_memory=config.network.shared_memory, last=config.rounds,
             )
         )  # fmt: skip
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))

@@ -12,6 +12,7 @@ Between, messages without a body say that this agent is waiting, not gone.
 """
 
 import logging
+import math
 import threading
 import time
 from collections import deque
@@ -20,7 +21,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType, TracebackType
 from typing import Self
 
-import numpy as np
 import zenoh
 
 from swarm.compression import Codec, Plain
@@ -28,12 +28,14 @@ from swarm.errors import PayloadError
 from swarm.guard import Guard
 from swarm.inbox import Inbox
 from swarm.keys import Keys
+from swarm.pace import left_behind
+from swarm.parcels import Parcels, unwrap
 from swarm.payload import (
     PROTOCOL,
     Layout,
     Message,
     ParameterHeader,
-    Vector,
+    check_norm,
     decode_body,
     decode_header,
     encode_header,
@@ -80,6 +82,8 @@ class Exchange:
         timing: the time limits.
         roster: who is present, and in which life.
         waits: whether a slow neighbour may hold this agent up, rather than miss a message.
+        shared_memory: whether large bodies may go through /dev/shm.
+        last: number of the swarm's last round; who claims a later one lies.
     """
 
     def __init__(
@@ -93,16 +97,20 @@ class Exchange:
         timing: Timing,
         roster: Roster,
         waits: bool = True,
+        shared_memory: bool = True,
+        last: int | None = None,
     ) -> None:
         self._session, self._keys = session, keys
         self._agent, self._incarnation = me
         self._members, self._layout, self._codec, self._timing = members, layout, codec, timing
         self._inbox, self._roster = Inbox(), roster
-        self._norm = 0.0  # of the parameters that went out last
+        self._longest = math.inf  # norm of a neighbour's parameters; not known before the own
+        self._last = last
         self._late: set[str] = set()
         self._taken: dict[str, Message] = {}
         self._guard = Guard()
-        self._outgoing: tuple[bytes, bytes] = (b"", b"")
+        self._parcels = Parcels(shared_memory)
+        self._outgoing: tuple[bytes, zenoh.ZBytes] = (b"", zenoh.ZBytes(b""))
         self._nearby: tuple[str, ...] = ()
         self._published = 0.0  # monotonic time of the round's publication [s]
         self._durations: deque[float] = deque(maxlen=REMEMBERED)
@@ -119,13 +127,13 @@ class Exchange:
         if not self._guard.admits(sender):
             return
         try:
-            header = decode_header(_bytes(sample.attachment), self._layout)
+            header = decode_header(_bytes(sample.attachment), self._layout, self._last)
             self._check_sender(header, sender)
             if len(sample.payload) == 0:
                 self._inbox.touch(header.agent)
                 return
-            vector = decode_body(sample.payload.to_bytes(), self._layout, self._codec)
-            self._check_norm(vector)
+            body = unwrap(sample.payload)
+            vector = decode_body(body, self._layout, self._codec, self._longest)
         except PayloadError as error:
             self._guard.reject(sender, error)
         else:
@@ -147,14 +155,6 @@ class Exchange:
             raise PayloadError(
                 "incarnation",
                 f"{header.agent} in its life {header.incarnation}: expected {known}",
-            )
-
-    def _check_norm(self, vector: Vector) -> None:
-        """No honest neighbour is this far out; a poisoner stays within this, if at all."""
-        norm, limit = float(np.linalg.norm(vector)), NORM_FACTOR * max(self._norm, 1.0)
-        if norm > limit:
-            raise PayloadError(
-                "norm", f"parameters of norm {norm:.3g}: expected at most {limit:.3g}"
             )
 
     @property
@@ -181,6 +181,7 @@ class Exchange:
         body: bytes,
         used: Used = MappingProxyType({}),
         norm: float = 0.0,
+        pace: float = 0.0,
     ) -> None:
         """Send this round's parameters; returns as soon as Zenoh has queued them.
 
@@ -190,12 +191,24 @@ class Exchange:
             body: the encoded vector.
             used: weights that were used in the last rounds, by round and neighbour.
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
+            pace: what this agent takes for the swarm's duration of a round [s].
         """
-        self._norm = norm
-        header = self._header(self._layout, round_, neighbours, used)
-        self._outgoing, self._nearby = (encode_header(header), body), neighbours
+        first, self._longest = math.isinf(self._longest), NORM_FACTOR * max(norm, 1.0)
+        if first:
+            self._measure()
+        header = self._header(self._layout, round_, neighbours, used, pace)
+        self._outgoing, self._nearby = (encode_header(header), self._parcels.wrap(body)), neighbours
         self._published = time.monotonic()
         self._send()
+
+    def _measure(self) -> None:
+        """Hold what came before the own norm was known against it."""
+        for message in self._inbox.everything():
+            try:
+                check_norm(message.vector, self._longest)
+            except PayloadError as error:
+                self._inbox.forget(message)
+                self._guard.reject(message.header.agent, error)
 
     def _send(self) -> None:
         attachment, body = self._outgoing
@@ -221,6 +234,7 @@ class Exchange:
         round_: int,
         neighbours: tuple[str, ...],
         used: Used = MappingProxyType({}),
+        pace: float = 0.0,
     ) -> ParameterHeader:
         return ParameterHeader(
             version=PROTOCOL,
@@ -230,6 +244,7 @@ class Exchange:
             round=round_,
             neighbours=neighbours,
             used={past: dict(weights) for past, weights in used.items()},
+            pace=pace,
         )
 
     # --- both -------------------------------------------------------------------------------
@@ -285,19 +300,34 @@ class Exchange:
         self._durations.append(now - self._published)
         return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
 
-    def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
-        """Take what is new since the last look, without waiting.
+    def look(
+        self, round_: int, neighbours: tuple[str, ...], stop: threading.Event, last: int
+    ) -> Gathered:
+        """Take what is new since the last look; wait only for who is far behind.
 
         Staleness is bounded by counting a message once, the newest only: mixing the same parameters
-        again and again would pull this agent back to them.  Rounds of different agents are not
-        compared, but when a neighbour has reached the ``last`` one, so does this agent.
+        again and again would pull this agent back to them.  When a neighbour has reached the
+        ``last`` round, so does this agent.
         """
+        start, waited = time.monotonic(), 0.0
+        while not stop.is_set():
+            seen, rounds = self._inbox.count, self._inbox.rounds()
+            present = self._roster.present()
+            nearby = {a: rounds.get(a, -1) for a in neighbours if a in present}
+            behind = left_behind(round_, nearby)
+            self._late &= behind
+            if not behind - self._late:
+                break
+            if waited > self._timing.round_floor:
+                self._late |= behind
+            self._inbox.wait(seen, TICK)
+            waited = time.monotonic() - start
         newest = self._inbox.newest(neighbours)
         arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
         self._taken |= arrived
         missing = tuple(agent for agent in neighbours if agent not in arrived)
         done = any(message.header.round >= last for message in newest.values())
-        return Gathered(arrived, missing, newest, last if done else None, 0.0)
+        return Gathered(arrived, missing, newest, last if done else None, waited)
 
     # --- joining ----------------------------------------------------------------------------
 
@@ -326,7 +356,7 @@ class Exchange:
                 continue
             _, sender = Keys.identity(str(reply.ok.key_expr))
             try:
-                header = decode_header(_bytes(reply.ok.attachment), layout)
+                header = decode_header(_bytes(reply.ok.attachment), layout, self._last)
                 if header.agent != sender:
                     raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
                 vector = decode_body(reply.ok.payload.to_bytes(), layout, Plain())

@@ -47,6 +47,16 @@ class Inbox:
             box.heard = time.monotonic()
             self._notify()
 
+    def everything(self) -> list[Message]:
+        """All messages that are kept."""
+        with self._news:
+            return [m for box in self._boxes.values() for m in box.messages.values()]
+
+    def forget(self, message: Message) -> None:
+        """Drop a message."""
+        with self._news:
+            self._boxes[message.header.agent].messages.pop(message.header.round, None)
+
     def touch(self, agent: str) -> None:
         """Note a sign of life."""
         with self._news:

@@ -6,6 +6,7 @@ be repeated; losses are those of :mod:`swarm.loss`, which real processes apply t
 """
 
 from collections.abc import Mapping
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -35,16 +36,54 @@ class Partition(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.first <= round_ <= self.last and not together
 
 
+Attack = Literal["opposite", "noise", "shift"]
+
+
+class Poison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Agents that send what is not theirs, within what :class:`swarm.guard.Guard` lets pass.
+
+    Attributes:
+        agents: who.
+        attack: ``opposite``: their parameters times minus ``strength``; ``noise``: Gaussian numbers
+            of that standard deviation; ``shift``: their parameters, ``strength`` added to every
+            second one.
+        strength: how much.
+        first: round in which they begin.
+    """
+
+    agents: tuple[str, ...]
+    attack: Attack
+    strength: float
+    first: int = 0
+
+    def spoil(self, round_: int, sender: str, vector: Vector) -> Vector:
+        """What the others get in place of ``vector``."""
+        if sender not in self.agents or round_ < self.first:
+            return vector
+        match self.attack:
+            case "opposite":
+                return -vector.dtype.type(self.strength) * vector
+            case "noise":
+                rng = np.random.default_rng((round_, self.agents.index(sender)))
+                return (self.strength * rng.standard_normal(vector.size)).astype(vector.dtype)
+            case "shift":
+                moved = vector.copy()
+                moved[::2] += vector.dtype.type(self.strength)
+                return moved
+
+
 class Faults(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What goes wrong in a simulated network, beside the losses of the swarm file.
 
     Attributes:
         delay: every message arrives so many rounds late.
         partitions: edges that carry nothing for a while.
+        poison: who sends what he should not.
     """
 
     delay: int = 0
     partitions: tuple[Partition, ...] = ()
+    poison: Poison | None = None
 
 
 class MemoryExchange:
@@ -70,6 +109,8 @@ class MemoryExchange:
 
     def publish(self, round_: int, sender: str, vector: Vector) -> None:
         """Send what the receivers will decode."""
+        if self._faults.poison is not None:
+            vector = self._faults.poison.spoil(round_, sender, vector)
         self._sent.setdefault(round_, {})[sender] = vector
         self._sent.pop(round_ - self._faults.delay - 1, None)
 

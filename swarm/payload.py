@@ -7,6 +7,7 @@ finiteness after decoding.  Nothing received is unpickled, evaluated or trusted 
 """
 
 import hashlib
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 from swarm.compression import Codec, FloatType
 from swarm.errors import PayloadError
 
-PROTOCOL = 1  # raise it when the meaning of a header or body changes
+PROTOCOL = 2  # raise it when the meaning of a header or body changes
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
@@ -74,6 +75,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
             each other, and its weight follows from both lists' lengths.
         used: weights that the sender used in its last rounds, by round and neighbour; see
             :mod:`swarm.ledger`.
+        pace: what the sender takes for the swarm's duration of a round [s]; 0: not asynchronous.
     """
 
     version: int
@@ -83,6 +85,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     round: int
     neighbours: tuple[str, ...]
     used: dict[int, dict[str, float]] = {}
+    pace: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,8 +105,10 @@ def encode_header(header: ParameterHeader) -> bytes:
     return _encoder.encode(header)
 
 
-def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
-    """Read a header and check it against one's own layout.
+def decode_header(
+    attachment: bytes | None, layout: Layout, last: int | None = None
+) -> ParameterHeader:
+    """Read a header and check it against one's own layout, and the ``last`` round if there is one.
 
     Raises:
         PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint`` or
@@ -126,23 +131,46 @@ def decode_header(attachment: bytes | None, layout: Layout) -> ParameterHeader:
             f"parameters of another layout, fingerprint {header.fingerprint!r}: "
             f"expected {layout.fingerprint!r}",
         )
-    if header.round < 0:
-        raise PayloadError("round", f"round {header.round}: expected 0 or more")
+    if header.round < 0 or (last is not None and header.round > last):
+        window = f"0 to {last}" if last is not None else "0 or more"
+        raise PayloadError("round", f"round {header.round}: expected {window}")
     return header
 
 
-def decode_body(body: bytes, layout: Layout, codec: Codec) -> Vector:
+def decode_body(body: bytes, layout: Layout, codec: Codec, longest: float = math.inf) -> Vector:
     """Read the vector that came with a good header.
 
+    Args:
+        body: as received.
+        layout: own layout.
+        codec: its encoding.
+        longest: largest Euclidean norm of an honest sender's vector.
+
     Raises:
-        PayloadError: cause ``length`` or ``finite``.
+        PayloadError: cause ``length``, ``finite`` or ``norm``.
     """
     vector = codec.decode(body, layout.size * layout.copies, layout.dtype)
-    if not _all_finite(vector):
-        raise PayloadError("finite", "parameters are not finite")
+    check_norm(vector, longest)
     return vector
 
 
-def _all_finite(vector: Vector) -> bool:
+def check_norm(vector: Vector, longest: float) -> None:
+    """No honest neighbour is further out than ``longest``; a poisoner stays within, if at all.
+
+    Raises:
+        PayloadError: cause ``finite`` or ``norm``.
+    """
+    norm = _norm(vector)
+    if norm > longest:
+        raise PayloadError("norm", f"parameters of norm {norm:.3g}: expected at most {longest:.3g}")
+
+
+def _norm(vector: Vector) -> float:
+    """Norm of a vector that is finite: large vectors are read once for both."""
     with np.errstate(over="ignore"):  # a large sum of squares only asks for a closer look
-        return bool(np.isfinite(np.dot(vector, vector)) or np.isfinite(vector).all())
+        square = float(np.dot(vector, vector))
+    if math.isfinite(square):
+        return math.sqrt(square)
+    if not np.isfinite(vector).all():
+        raise PayloadError("finite", "parameters are not finite")
+    return float(np.linalg.norm(vector.astype(np.float64)))

@@ -8,14 +8,18 @@ semidefinite, which Assumption 1 and the step-size bounds need (notes to the pap
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Literal
+from itertools import combinations
+from math import isqrt
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
-import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 Kind = Literal[
     "ring", "path", "grid", "complete", "star", "exponential", "random-geometric", "edges"
@@ -39,34 +43,43 @@ class Topology(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: int = 0
 
 
-def graph(topology: Topology, members: Sequence[str]) -> nx.Graph:
+def graph(topology: Topology, members: Sequence[str]) -> "nx.Graph":
     """The graph over ``members`` (order matters).  It may be unconnected when some are absent."""
-    ids = tuple(members)
-    n = len(ids)
+    import networkx as nx  # noqa: PLC0415  (20 MB, which no agent needs)
+
+    joined = nx.Graph()
+    joined.add_nodes_from(members)
+    joined.add_edges_from(edges(topology, members))
+    return joined
+
+
+def edges(topology: Topology, members: Sequence[str]) -> list[tuple[str, str]]:
+    """The edges of :func:`graph`, each once."""
+    n = len(members)
     match topology.kind:
         case "ring":
-            shape = nx.cycle_graph(n) if n > 2 else nx.path_graph(n)
+            pairs = [(i, (i + 1) % n) for i in range(n if n > 2 else n - 1)]
         case "path":
-            shape = nx.path_graph(n)
+            pairs = [(i, i + 1) for i in range(n - 1)]
         case "complete":
-            shape = nx.complete_graph(n)
+            pairs = list(combinations(range(n), 2))
         case "star":
-            shape = nx.star_graph(n - 1) if n else nx.Graph()
+            pairs = [(0, i) for i in range(1, n)]
         case "grid":
-            rows = max(d for d in range(1, int(n**0.5) + 1) if n % d == 0) if n else 0
-            lattice = nx.grid_2d_graph(rows, n // rows) if n else nx.Graph()
-            shape = nx.convert_node_labels_to_integers(lattice, ordering="sorted")
+            rows = max((d for d in range(1, isqrt(n) + 1) if n % d == 0), default=1)
+            width = n // rows
+            pairs = [(i, i + 1) for i in range(n) if (i + 1) % width]
+            pairs += [(i, i + width) for i in range(n - width)]
         case "exponential":
-            hops = [2**k for k in range(max(n - 1, 0).bit_length()) if 2**k < n]
-            shape = nx.circulant_graph(n, hops) if hops else nx.empty_graph(n)
+            hops = [2**k for k in range(n.bit_length()) if 2**k < n]
+            pairs = sorted({tuple(sorted((i, (i + hop) % n))) for i in range(n) for hop in hops})
         case "random-geometric":
-            shape = nx.random_geometric_graph(n, topology.radius, seed=topology.seed)
+            import networkx as nx  # noqa: PLC0415
+
+            pairs = list(nx.random_geometric_graph(n, topology.radius, seed=topology.seed).edges)
         case "edges":
-            named = nx.Graph()
-            named.add_nodes_from(ids)
-            named.add_edges_from((a, b) for a, b in topology.edges if a in ids and b in ids)
-            return named
-    return nx.relabel_nodes(shape, dict(enumerate(ids)))
+            return [(a, b) for a, b in topology.edges if a in members and b in members]
+    return [(members[a], members[b]) for a, b in pairs]
 
 
 def check(topology: Topology, members: Sequence[str]) -> None:
@@ -91,7 +104,7 @@ def check(topology: Topology, members: Sequence[str]) -> None:
         raise ConfigError(
             f'topology.edges is given with topology.kind = "{topology.kind}": expected kind "edges"'
         )
-    parts = sorted(sorted(part) for part in nx.connected_components(graph(topology, members)))
+    parts = _parts(topology, members)
     if len(parts) > 1:
         raise ConfigError(
             f'topology.kind = "{topology.kind}" leaves the graph unconnected: '
@@ -99,11 +112,22 @@ def check(topology: Topology, members: Sequence[str]) -> None:
         )
 
 
+def _parts(topology: Topology, members: Sequence[str]) -> list[list[str]]:
+    """Members that hang together."""
+    part = {member: {member} for member in members}
+    for a, b in edges(topology, members):
+        if part[a] is not part[b]:
+            part[a] |= part[b]
+            for member in part[b]:
+                part[member] = part[a]
+    return sorted({id(group): sorted(group) for group in part.values()}.values())
+
+
 @lru_cache(maxsize=256)
 def neighbours(topology: Topology, members: tuple[str, ...], me: str) -> tuple[str, ...]:
     """Neighbours of ``me`` among the present ``members``, sorted, without oneself."""
-    joined = graph(topology, members)
-    return tuple(sorted(joined[me])) if me in joined else ()
+    ends = (edge for edge in edges(topology, members) if me in edge)
+    return tuple(sorted({b if a == me else a for a, b in ends}))
 
 
 def lazy_metropolis(degree: int, other: int) -> float:
@@ -114,7 +138,7 @@ def lazy_metropolis(degree: int, other: int) -> float:
     return 1.0 / (2.0 * max(degree, other))
 
 
-def weight_matrix(joined: nx.Graph, members: Sequence[str]) -> NDArray[np.float64]:
+def weight_matrix(joined: "nx.Graph", members: Sequence[str]) -> NDArray[np.float64]:
     """The lazy Metropolis matrix W of a graph, rows and columns in the order of ``members``."""
     place = {member: i for i, member in enumerate(members)}
     W = np.zeros((len(place), len(place)))

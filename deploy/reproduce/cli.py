@@ -29,6 +29,7 @@ STUDIES = {  # name -> module with a function `study`, and what it is about
     "gridworld": "Grid worlds (a) to (e), single agents, the picture of Fig. 2.",
     "rules": "Mixing rules on a ring of 64 agents, and 1024 agents.",
     "faults": "Message loss by mixing rule and policy; delay; partition.",
+    "poison": "One of six agents sends poison: plain mixing, clipping, trimmed mean.",
     "compression": "Halves and bytes on the wire instead of float32.",
     "learning": "Start-state mixing repairs (d); A2C and PPO.",
     "verify": "The simulator against real processes over Zenoh, bit for bit.",

@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-PARTS = ("indoor", "vehicle", "learning")
+PARTS = ("indoor", "vehicle", "learning", "exchange", "fleet")
 
 for part in PARTS:
     import_module(f"tests.bench.{part}").main()

@@ -1,21 +1,27 @@
-"""A stranger on the parameters' keys: dropped, counted, logged once per cause; nobody stops."""
+"""Strangers and traitors on every key: dropped, counted, said once per cause; nobody stops."""
 
+from collections.abc import Iterator
+from contextlib import ExitStack
+from itertools import cycle, islice
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
+import zenoh
 
 from agent.config import load
 from agent.daemon import layout_of
+from agent.learners import build_learner
 from agent.runfolder import RunFolder
-from agent.tabular import TabularLearner
-from deploy.status import observe
+from deploy.status import collect, observe
 from swarm.keys import Keys
-from swarm.payload import PROTOCOL
+from swarm.payload import HEADER_LIMIT, PROTOCOL, Layout
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
+    free_base_port,
     rounds_played,
     status,
     swarm,
@@ -32,7 +38,7 @@ def test_bad_messages_are_counted_and_dropped(tmp_path: Path) -> None:
     ) as command:
         command.says("first round")
         config = load(folder / "config.json")
-        layout = layout_of(config, TabularLearner(config, "drone0"))
+        layout = layout_of(config, build_learner(config, "drone0"))
         body = np.zeros(layout.size, "<f4").tobytes()
 
         alive = status(folder, tmp_path)[1]["agents"]["drone1"]["incarnation"]
@@ -85,3 +91,114 @@ def test_bad_messages_are_counted_and_dropped(tmp_path: Path) -> None:
         assert any("drone0 rejected messages" in problem for problem in summary["problems"])
     log = RunFolder(folder).log("drone0").read_text()
     assert log.count("said once, counted after") == len(bad) + 2
+
+
+FLOOD = 100_000  # messages
+TRAITOR = "drone4"  # a member of the file, and hostile
+CAUSES = {"header", "version", "fingerprint", "round", "length", "finite", "norm", "key"}
+CAUSES |= {"incarnation", "stranger", "quarantined"}
+
+
+def hostile(layout: Layout, replayed: list[tuple[bytes, bytes]]) -> Iterator[tuple[str, Any, Any]]:
+    """(sender in the key, body, attachment), for ever."""
+
+    def header(**changes: object) -> bytes:
+        fields = {"version": PROTOCOL, "fingerprint": layout.fingerprint, "agent": TRAITOR}
+        fields |= {"incarnation": "f00d", "round": 5, "neighbours": list(MEMBERS)}
+        return msgspec.msgpack.encode(fields | changes)
+
+    body = np.zeros(layout.size, "<f4").tobytes()
+    nan = np.full(layout.size, np.nan, "<f4").tobytes()
+    far_out = np.full(layout.size, 1e6, "<f4").tobytes()
+    bad = [
+        (TRAITOR, body, b"junk"),
+        (TRAITOR, body, None),
+        (TRAITOR, body, bytes(HEADER_LIMIT + 1)),
+        (TRAITOR, body, header(version=99)),
+        (TRAITOR, body, header(fingerprint="?")),
+        (TRAITOR, body, header(round=-1)),
+        (TRAITOR, body, header(round=10**9)),
+        (TRAITOR, body[:-4], header()),
+        (TRAITOR, body * 50, header()),
+        (TRAITOR, nan, header()),
+        (TRAITOR, far_out, header()),
+        (TRAITOR, body, header(agent="drone1")),
+        (TRAITOR, body, header(incarnation="0")),
+        ("mallory", body, header(agent="mallory")),
+        *(("mallory", *message) for message in replayed),
+    ]
+    return cycle(bad)
+
+
+@pytest.mark.timeout(600)  # a busy machine; alone it takes less than a minute
+def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
+    """A fifth member turns against the other four: what it says is counted, and not mixed in."""
+    file = tmp_path / "five.toml"
+    task = 'env = "sim:GridWorld-v0", kwargs = { layout = "a", task = 0 }'
+    file.write_text(
+        GRIDWORLD_A.read_text() + f'[[agents]]\nid = "{TRAITOR}"\ntask = {{ {task} }}\n'
+    )
+    settings = [f"network.base_port={free_base_port(5)}", "rounds=1000000", "timing.start=2"]
+    settings += ['topology.kind="complete"']
+    config, keys = load(file, settings), Keys("gridworld-a")
+    layout = layout_of(config, build_learner(config, "drone0"))
+    options = [word for setting in settings for word in ("--set", setting)]
+    with ExitStack() as stack:
+        for member in MEMBERS:
+            folder = tmp_path / member
+            stack.enter_context(
+                swarm("agent", file, "--id", member, "--run", folder, *options, cwd=tmp_path)
+            )
+        session = stack.enter_context(observe(config))
+        replayed: list[tuple[bytes, bytes]] = []
+
+        def capture(sample: zenoh.Sample) -> None:
+            if len(replayed) < 20 and sample.attachment is not None:
+                replayed.append((sample.payload.to_bytes(), sample.attachment.to_bytes()))
+
+        listening = session.declare_subscriber(keys.params(), capture)
+        until(lambda: len(replayed) == 20, "honest messages to replay")
+        listening.undeclare()
+        before = collect(session, config, 10.0)
+        assert set(before) == set(MEMBERS)
+        token = session.liveliness().declare_token(keys.alive(TRAITOR, "f00d"))
+        params = {
+            sender: session.declare_publisher(
+                keys.params(sender), congestion_control=zenoh.CongestionControl.BLOCK
+            )
+            for sender in (TRAITOR, "mallory")
+        }
+        elsewhere = [keys.state("drone0"), keys.status("drone1"), keys.telemetry("drone2", "round")]
+        elsewhere += [keys.alive("drone3", "0")]
+        for i, (sender, body, attachment) in enumerate(islice(hostile(layout, replayed), FLOOD)):
+            params[sender].put(body, attachment=attachment)
+            if i % 100 == 0:
+                for key in elsewhere:
+                    session.put(key, body, attachment=attachment)
+        until(
+            lambda: all(
+                sum(status.rejected.values()) >= FLOOD
+                for status in collect(session, config, 10.0).values()
+            ),
+            "every message refused by everybody",
+        )
+        after = collect(session, config, 10.0)
+        token.undeclare()
+        reached = {member: after[member].round for member in MEMBERS}
+        until(
+            lambda: all(
+                status.round > reached[member] + 20
+                for member, status in collect(session, config, 10.0).items()
+            ),
+            "the swarm goes on",
+        )
+    assert set(after) == set(MEMBERS)
+    for member in MEMBERS:
+        assert after[member].incarnation == before[member].incarnation  # nobody was restarted
+        assert sum(after[member].rejected.values()) == FLOOD
+        assert set(after[member].rejected) <= CAUSES
+        assert {TRAITOR, "mallory"} >= set(after[member].quarantined)  # for a time
+        assert after[member].rejected["quarantined"] > 0.9 * FLOOD
+        assert after[member].memory_mb < before[member].memory_mb + 10
+        reports = list(RunFolder(tmp_path / member).reports(member))
+        assert all(TRAITOR not in report.weights for report in reports)

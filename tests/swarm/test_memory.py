@@ -1,7 +1,7 @@
 import numpy as np
 
 from swarm.loss import Loss, lost
-from swarm.memory import Faults, MemoryExchange, Partition
+from swarm.memory import Faults, MemoryExchange, Partition, Poison
 
 PAIR = {"a": ("b",), "b": ("a",)}
 
@@ -52,3 +52,19 @@ def test_a_partition_comes_and_goes() -> None:
         apart = round_ in (1, 2)
         assert set(exchange.gather(round_, "a")) == ({"b"} if apart else {"b", "c"})
         assert set(exchange.gather(round_, "c")) == (set() if apart else {"a", "b"})
+
+
+def test_a_traitor_sends_what_is_not_its_own_from_its_round_on() -> None:
+    honest = np.array([1.0, -2.0, 3.0, 4.0])
+    opposite = Poison(("b",), "opposite", 2.0, first=3)
+    np.testing.assert_array_equal(opposite.spoil(2, "b", honest), honest)
+    np.testing.assert_array_equal(opposite.spoil(3, "a", honest), honest)
+    np.testing.assert_array_equal(opposite.spoil(3, "b", honest), -2 * honest)
+    shift = Poison(("b",), "shift", 5.0).spoil(0, "b", honest)
+    np.testing.assert_array_equal(shift, [6.0, -2.0, 8.0, 4.0])
+    noise = Poison(("b",), "noise", 1.0)
+    np.testing.assert_array_equal(noise.spoil(1, "b", honest), noise.spoil(1, "b", honest))
+    assert not np.array_equal(noise.spoil(1, "b", honest), noise.spoil(2, "b", honest))
+    exchange = MemoryExchange({"a": ("b",)}, Loss(), "stale", Faults(poison=opposite))
+    exchange.publish(3, "b", honest)
+    np.testing.assert_array_equal(exchange.gather(3, "a")["b"], -2 * honest)

@@ -14,6 +14,7 @@ from swarm.payload import (
     Layout,
     Message,
     ParameterHeader,
+    check_norm,
     decode_body,
     decode_header,
     encode_header,
@@ -78,6 +79,18 @@ def test_what_is_wrong_is_refused_by_cause(
     with pytest.raises(PayloadError) as error:
         decode(attachment, body, LAYOUT, Plain())
     assert error.value.cause == cause
+
+
+def test_rounds_after_the_last_are_refused() -> None:
+    assert decode_header(header(round=9), LAYOUT, last=9).round == 9
+    with pytest.raises(PayloadError, match="round 10: expected 0 to 9"):
+        decode_header(header(round=10), LAYOUT, last=9)
+
+
+def test_who_is_too_far_out_is_refused() -> None:
+    check_norm(np.full(4, 5.0), 10.0)
+    with pytest.raises(PayloadError, match="norm 12: expected at most 10"):
+        check_norm(np.full(4, 6.0), 10.0)
 
 
 def test_large_finite_parameters_are_not_mistaken_for_infinite_ones() -> None:
