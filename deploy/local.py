@@ -28,6 +28,7 @@ from agent.config import SwarmFile, load
 from agent.learners import build_learner
 from agent.runfolder import RunFolder, open_run
 from deploy.chaos import Chaos, Fault
+from deploy.processes import end_all, last_line
 from deploy.progress import Progress
 from deploy.report import report_result
 from deploy.status import LATEST, RUNS, observe
@@ -227,7 +228,7 @@ class Fleet:
             what = f"was stopped at round {held[-1] if held else 0}"
         never_played = not self.folder.metrics(worker.agent).exists()
         if code in {ConfigError.exit_code, 4} or (code == NetworkError.exit_code and never_played):
-            raise SwarmError(f"{worker.agent} {what}: {_last_line(self.folder.log(worker.agent))}")
+            raise SwarmError(f"{worker.agent} {what}: {last_line(self.folder.log(worker.agent))}")
         now = time.monotonic()
         worker.failures = 1 if now - worker.started > FORGIVEN else worker.failures + 1
         if worker.failures > len(BACKOFF):
@@ -253,24 +254,10 @@ class Fleet:
 
     def close(self) -> None:
         """End every process: SIGTERM, then SIGKILL after :data:`STOP_LIMIT`."""
-        running = [w.process for w in self.workers.values() if w.process.poll() is None]
-        for process in running:
-            process.terminate()
-        end = time.monotonic() + STOP_LIMIT
-        for process in running:
-            try:
-                process.wait(max(0.0, end - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        end_all([worker.process for worker in self.workers.values()], STOP_LIMIT)
         for worker in self.workers.values():
             if worker.process.stdin is not None:
                 worker.process.stdin.close()
-
-
-def _last_line(path: Path) -> str:
-    lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return lines[-1].removeprefix("swarm: ") if lines else "it said nothing"
 
 
 def launch(

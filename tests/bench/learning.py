@@ -28,7 +28,7 @@ TURNS, STEPS = 3, 1024  # steps of a turn
 KINDS = ("a2c", "ppo")
 
 
-class Trunk(BaseFeaturesExtractor):
+class Trunk(BaseFeaturesExtractor):  # type: ignore[misc]  # not installed but for benchmarks
     """C3F2's trunk, as Stable-Baselines3 takes it: pictures come transposed, from 0 to 1."""
 
     def __init__(self, space: gymnasium.spaces.Box) -> None:

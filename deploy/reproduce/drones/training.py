@@ -14,6 +14,7 @@ from pathlib import Path
 import msgspec
 
 from deploy.evaluate import Evaluation, evaluate
+from deploy.processes import end_all, last_line
 from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError
 
@@ -46,11 +47,11 @@ def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
             for process in [p for p in running if p.poll() is not None]:
                 run = running.pop(process)
                 if not run.finished:
-                    raise SwarmError(f"{run.label}: {_last_line(_log(run))}")
+                    raise SwarmError(f"{run.label}: {last_line(_log(run))}")
             say(clock.line(running.values()))
             time.sleep(POLL)
     finally:
-        _stop(running)
+        end_all(running, STOP_LIMIT)
 
 
 def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], None]) -> None:
@@ -123,20 +124,3 @@ def _start(run: Run) -> subprocess.Popen[bytes]:
             stdin=subprocess.DEVNULL,
             env=os.environ | {"COLUMNS": "120"},
         )
-
-
-def _stop(running: dict[subprocess.Popen[bytes], Run]) -> None:
-    for process in running:
-        process.terminate()
-    end = time.monotonic() + STOP_LIMIT
-    for process in running:
-        try:
-            process.wait(max(0.0, end - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-
-def _last_line(path: Path) -> str:
-    lines = path.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return lines[-1].removeprefix("swarm: ") if lines else "it said nothing"
