@@ -26,12 +26,13 @@ from agent.errors import TaskError
 from agent.estimators import ActorCritic, Exact
 from agent.flat import FlatAscent, FlatNetwork, Parts
 from agent.learner import Attendance, Step, Stopped, Vector
-from agent.networks import build
+from agent.networks import Pictures, build
 from agent.policies import Tabular
 from agent.returns import generalized_advantages, rewards_to_go
 from agent.rollout import Choice, Ended, Observations, Stretch, Worlds
 
-AT_ONCE = 64  # steps in memory with all that their derivatives need; more are no faster
+AT_ONCE = 64  # pictures in memory with all that their derivatives need; more are no faster
+VECTORS_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,7 +184,9 @@ class NeuralLearner:
 
     def _objectives(self, samples: _Samples, rows: NDArray[np.int64]) -> Iterator[Tensor]:
         """Mean over the steps ``rows`` of what climbs (module docstring), as a sum of parts."""
-        for some in np.array_split(rows, -(-len(rows) // AT_ONCE)):
+        pictures = isinstance(self._flat.network.eyes, Pictures)
+        at_once = AT_ONCE if pictures else VECTORS_AT_ONCE
+        for some in np.array_split(rows, -(-len(rows) // at_once)):
             yield self._objective(samples, some) * (len(some) / len(rows))
 
     def _objective(self, samples: _Samples, rows: NDArray[np.int64]) -> Tensor:

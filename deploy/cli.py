@@ -212,8 +212,8 @@ def view(
         ) from None
     from deploy.status import find_config  # noqa: PLC0415
 
-    output = Output(save, web, host, ports, headless, screenshot, seconds)
-    show(find_config(target, settings or ()), output, live)
+    found = find_config(target, settings or ())
+    show(found, Output(save, web, host, ports, headless, screenshot, seconds), live)
 
 
 @app.command()

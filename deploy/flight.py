@@ -20,6 +20,7 @@ import numpy as np
 from agent.errors import VehicleError
 from agent.vehicle import Limits, Timing, Vehicle
 from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
+from agent.vehicle.connection import parse
 from deploy.pilots import make_pilot
 from deploy.signals import StoppedError, stopping_at_signals
 from sim.indoor.body import home_of
@@ -127,6 +128,7 @@ def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
         raise ConfigError(
             f"speed {plan.speed:g} m/s: expected more than 0, at most {plan.limits.speed:g}"
         )
+    parse(plan.vehicle)  # a mistake is told before anything takes its time
     try:
         scene = load(plan.scene)
         home = home_of(scene, plan.start)

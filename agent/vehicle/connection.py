@@ -33,11 +33,11 @@ class Connection(Protocol):
         ...
 
 
-def open_connection(text: str, timeout: float) -> Connection:
-    """The connection that a string names.
+def parse(text: str) -> tuple[str, str, int]:
+    """Kind, host or device, and port or baud rate that a connection string names.
 
     Raises:
-        VehicleError: the string is none, or what it names cannot be opened.
+        VehicleError: it is none.
     """
     kind, _, rest = text.partition(":")
     host, _, number = rest.rpartition(":")
@@ -46,12 +46,22 @@ def open_connection(text: str, timeout: float) -> Connection:
         raise VehicleError(f'vehicle connection "{text}": {EXPECTED}')
     if kind != "serial" and not 0 < int(number) < 65_536:
         raise VehicleError(f'vehicle connection "{text}": port {number}, expected 1 to 65535')
+    return kind, host, int(number)
+
+
+def open_connection(text: str, timeout: float) -> Connection:
+    """The connection that a string names.
+
+    Raises:
+        VehicleError: the string is none, or what it names cannot be opened.
+    """
+    kind, host, number = parse(text)
     try:
         if kind == "serial":
-            return _Serial(host, int(number))
+            return _Serial(host, number)
         if kind == "tcp":
-            return _Tcp((host, int(number)), timeout)
-        return _Udp((host, int(number)), listens=kind == "udpin")
+            return _Tcp((host, number), timeout)
+        return _Udp((host, number), listens=kind == "udpin")
     except OSError as error:  # pyserial's errors are among these
         raise VehicleError(
             f'vehicle connection "{text}" cannot be opened: {error.strerror or error}'
