@@ -179,6 +179,8 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
     """
     tables = read_toml(path)
     override(tables, settings)
+    if isinstance(policy := tables.get("policy"), dict):
+        policy.setdefault("kind", "tabular")
     config = convert(tables, SwarmFile, str(path))
     try:
         check_name("name", config.name)
