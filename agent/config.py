@@ -108,9 +108,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
         pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it takes
-            what has come, waits only for who is far behind, and the first to finish ends the run
-            for all.  Slow agents take longer steps (:mod:`swarm.pace`) to weigh the same; where
-            rounds are much shorter than the machine's time slices, a task may still be missed.
+            what has come, nobody waits, and the first to finish ends the run for all.  A task
+            weighs as much as its agent is fast; a slow one may find its task settled without it.
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.

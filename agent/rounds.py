@@ -8,14 +8,12 @@
     ->  compare accounts with the neighbours
 
 Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.  An
-asynchronous swarm takes the newest that is there, waits for nobody who is less than some rounds
-behind, and steps as far as its round is long (:mod:`swarm.pace`).
+asynchronous swarm takes the newest that is there and waits for nobody.
 """
 
 import threading
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,7 +24,6 @@ from swarm.exchange import Exchange, Gathered
 from swarm.ledger import Ledger
 from swarm.loss import edge_counts
 from swarm.mixing import Mixer
-from swarm.pace import Pace
 from swarm.roster import Roster
 from swarm.topology import lazy_metropolis, neighbours
 
@@ -65,8 +62,6 @@ class Rounds:
         stop: set when the agent must end.
         ledger: what was used of whom.
         degrees: last known number of neighbours of each neighbour.
-        pace: own speed and the swarm's, in an asynchronous swarm.
-        paces: what the neighbours take for the swarm's, where they say so.
     """
 
     config: SwarmFile
@@ -78,8 +73,6 @@ class Rounds:
     stop: threading.Event
     ledger: Ledger = field(init=False)
     degrees: dict[str, int] = field(default_factory=dict)
-    pace: Pace = field(default_factory=Pace)
-    paces: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         self.ledger = Ledger(self.agent)
@@ -100,11 +93,11 @@ class Rounds:
     def _play(self, round_: int, theta: Vector) -> Outcome | None:
         nearby = self.neighbours()
         if self.mixer.rule.sends_after_step:
-            step = self._step(theta, round_)
+            step = self.learner.step(theta, round_)
             self._publish(round_, nearby, theta, step.vector)
         else:
             self._publish(round_, nearby, theta, theta)
-            step = self._step(theta, round_)
+            step = self.learner.step(theta, round_)
         gathered = self._gather(round_, nearby)
         if self.stop.is_set():
             return None
@@ -124,22 +117,14 @@ class Rounds:
             waited=gathered.waited,
         )
 
-    def _step(self, theta: Vector, round_: int) -> Step:
-        """The learner's step; an asynchronous swarm's is as long as its round, see swarm.pace."""
-        step = self.learner.step(theta, round_)
-        if self.config.pace == "sync":
-            return step
-        longer = self.pace.lap(time.monotonic(), self.paces)
-        return replace(step, vector=step.vector * step.vector.dtype.type(longer))
-
     def _publish(self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector) -> None:
         body = self.mixer.outgoing(theta, step)
         norm = float(np.linalg.norm(theta))
-        self.exchange.publish(round_, nearby, body, self.ledger.used, norm, self.pace.usual)
+        self.exchange.publish(round_, nearby, body, self.ledger.used, norm)
 
     def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
         if self.config.pace == "async":
-            return self.exchange.look(round_, nearby, self.stop, self.config.rounds)
+            return self.exchange.look(nearby, self.config.rounds)
         return self.exchange.gather(round_, nearby, self.stop)
 
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
@@ -164,7 +149,6 @@ class Rounds:
         """Lazy Metropolis weight of every neighbour, from both sides' numbers of neighbours."""
         for sender, message in (gathered.newest | gathered.arrived).items():
             self.degrees[sender] = len(message.header.neighbours)
-        self.paces = tuple(message.header.pace for message in gathered.newest.values())
         own = len(nearby)
         return {n: lazy_metropolis(own, self.degrees.get(n, own)) for n in nearby}
 

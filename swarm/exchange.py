@@ -28,7 +28,6 @@ from swarm.errors import PayloadError
 from swarm.guard import Guard
 from swarm.inbox import Inbox
 from swarm.keys import Keys
-from swarm.pace import left_behind
 from swarm.parcels import Parcels, unwrap
 from swarm.payload import (
     PROTOCOL,
@@ -181,7 +180,6 @@ class Exchange:
         body: bytes,
         used: Used = MappingProxyType({}),
         norm: float = 0.0,
-        pace: float = 0.0,
     ) -> None:
         """Send this round's parameters; returns as soon as Zenoh has queued them.
 
@@ -191,12 +189,11 @@ class Exchange:
             body: the encoded vector.
             used: weights that were used in the last rounds, by round and neighbour.
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
-            pace: what this agent takes for the swarm's duration of a round [s].
         """
         first, self._longest = math.isinf(self._longest), NORM_FACTOR * max(norm, 1.0)
         if first:
             self._measure()
-        header = self._header(self._layout, round_, neighbours, used, pace)
+        header = self._header(self._layout, round_, neighbours, used)
         self._outgoing, self._nearby = (encode_header(header), self._parcels.wrap(body)), neighbours
         self._published = time.monotonic()
         self._send()
@@ -234,7 +231,6 @@ class Exchange:
         round_: int,
         neighbours: tuple[str, ...],
         used: Used = MappingProxyType({}),
-        pace: float = 0.0,
     ) -> ParameterHeader:
         return ParameterHeader(
             version=PROTOCOL,
@@ -244,7 +240,6 @@ class Exchange:
             round=round_,
             neighbours=neighbours,
             used={past: dict(weights) for past, weights in used.items()},
-            pace=pace,
         )
 
     # --- both -------------------------------------------------------------------------------
@@ -300,34 +295,19 @@ class Exchange:
         self._durations.append(now - self._published)
         return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
 
-    def look(
-        self, round_: int, neighbours: tuple[str, ...], stop: threading.Event, last: int
-    ) -> Gathered:
-        """Take what is new since the last look; wait only for who is far behind.
+    def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
+        """Take what is new since the last look, without waiting.
 
         Staleness is bounded by counting a message once, the newest only: mixing the same parameters
-        again and again would pull this agent back to them.  When a neighbour has reached the
-        ``last`` round, so does this agent.
+        again and again would pull this agent back to them.  Rounds of different agents are not
+        compared, but when a neighbour has reached the ``last`` one, so does this agent.
         """
-        start, waited = time.monotonic(), 0.0
-        while not stop.is_set():
-            seen, rounds = self._inbox.count, self._inbox.rounds()
-            present = self._roster.present()
-            nearby = {a: rounds.get(a, -1) for a in neighbours if a in present}
-            behind = left_behind(round_, nearby)
-            self._late &= behind
-            if not behind - self._late:
-                break
-            if waited > self._timing.round_floor:
-                self._late |= behind
-            self._inbox.wait(seen, TICK)
-            waited = time.monotonic() - start
         newest = self._inbox.newest(neighbours)
         arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
         self._taken |= arrived
         missing = tuple(agent for agent in neighbours if agent not in arrived)
         done = any(message.header.round >= last for message in newest.values())
-        return Gathered(arrived, missing, newest, last if done else None, waited)
+        return Gathered(arrived, missing, newest, last if done else None, 0.0)
 
     # --- joining ----------------------------------------------------------------------------
 

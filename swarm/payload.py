@@ -75,7 +75,6 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
             each other, and its weight follows from both lists' lengths.
         used: weights that the sender used in its last rounds, by round and neighbour; see
             :mod:`swarm.ledger`.
-        pace: what the sender takes for the swarm's duration of a round [s]; 0: not asynchronous.
     """
 
     version: int
@@ -85,7 +84,6 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     round: int
     neighbours: tuple[str, ...]
     used: dict[int, dict[str, float]] = {}
-    pace: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

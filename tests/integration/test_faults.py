@@ -128,7 +128,7 @@ def test_hosts_find_each_other_by_multicast_and_are_seen_from_another(
 
 
 def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path: Path) -> None:
-    """It goes its own pace; who is far ahead, on a busy machine, waits now and then."""
+    """What is learned depends on who is how fast (`SwarmFile.pace`); that nobody waits does not."""
     folder = tmp_path / "run"
     chaos = chaos_file(tmp_path, 'kind = "slow"\nagents = ["drone3"]\nseconds = 60\nfactor = 5')
     code, output = run(
@@ -143,5 +143,5 @@ def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path
     assert fastest == 2 * ROUNDS
     assert len(reports["drone3"]) < fastest / 2
     for member in MEMBERS:
-        assert sum(report.waited == 0.0 for report in reports[member]) > len(reports[member]) / 2
+        assert all(report.waited == 0.0 for report in reports[member])
         assert any(report.weights for report in reports[member])  # and yet they do exchange
