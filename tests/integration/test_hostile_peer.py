@@ -181,6 +181,7 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
                 for status in collect(session, config, 10.0).values()
             ),
             "every message refused by everybody",
+            deadline=240.0,
         )
         after = collect(session, config, 10.0)
         token.undeclare()
