@@ -11,7 +11,7 @@ class CartPoleVariant(CartPoleEnv):
     """Gymnasium's ``CartPole-v1`` with its constants as arguments.
 
     ## Description
-    A pole stands on a cart; pushes left and right keep it up.  After Barto, Sutton and Anderson 1983.
+    A pole stands on a cart; pushes keep it up.  After Barto, Sutton and Anderson 1983.
 
     ## Observation Space
     ``Box(4)``, float32: position [m], velocity [m/s], angle [rad], angular velocity [rad/s].
