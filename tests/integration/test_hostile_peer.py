@@ -162,6 +162,10 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
         before = collect(session, config, 10.0)
         assert set(before) == set(MEMBERS)
         token = session.liveliness().declare_token(keys.alive(TRAITOR, "f00d"))
+        until(
+            lambda: all(TRAITOR in s.neighbours for s in collect(session, config, 10.0).values()),
+            "everybody knows the traitor",
+        )
         params = {
             sender: session.declare_publisher(
                 keys.params(sender), congestion_control=zenoh.CongestionControl.BLOCK
@@ -181,7 +185,7 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
                 for status in collect(session, config, 10.0).values()
             ),
             "every message refused by everybody",
-            deadline=240.0,
+            deadline=120.0,
         )
         after = collect(session, config, 10.0)
         token.undeclare()
