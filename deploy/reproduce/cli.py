@@ -1,6 +1,8 @@
 """``swarm reproduce``: one command a study."""
 
+import math
 import os
+import time
 from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
@@ -21,6 +23,7 @@ app = typer.Typer(
 )
 
 SEEDS = 20
+LINES_EVERY = 60.0  # [s] between lines of progress where nobody watches a terminal
 RESULTS = Path("runs/reproduce")
 STUDIES = {  # name -> module with a function `study`, and what it is about
     "examples": "The two-task chain: no deterministic optimum, three stationary points, the trap.",
@@ -118,7 +121,16 @@ def drones(
     chosen = [name for name in ESTIMATORS if name in (estimator or ESTIMATORS)]
     errors, console = Console(stderr=True), _console()
     with errors.status("drones") as status:
-        options = Options(out / "drones", 1, False, lambda text: status.update(f"drones: {text}"))
+        told = -math.inf
+
+        def say(text: str) -> None:
+            nonlocal told
+            status.update(f"drones: {text}")
+            if not errors.is_terminal and time.monotonic() > told + LINES_EVERY:
+                told = time.monotonic()
+                errors.print(text)
+
+        options = Options(out / "drones", 1, False, say)
 
         def whole(options: Options) -> Findings:
             workers = jobs or os.cpu_count() or 1

@@ -177,7 +177,7 @@ def test_a_task_that_does_not_fit_is_named() -> None:
         )
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="asks for a machine without a GPU")
-def test_a_missing_gpu_is_named() -> None:
+def test_a_missing_gpu_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     with pytest.raises(TaskError, match=r'policy.device = "cuda"'):
         NeuralLearner(config(A2C(), policy=Network(device="cuda")), "drone0")
