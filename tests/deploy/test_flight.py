@@ -46,9 +46,10 @@ def test_a_mistake_is_one_line(
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in {2, 5}
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.count("\n") == 1
+    said = capsys.readouterr().err.splitlines()
+    mistakes = [line for line in said if "compiling, once" not in line]  # a machine's first flight
+    assert len(mistakes) == 1
+    assert words in mistakes[0]
 
 
 def test_recordings_lie_beside_what_flew(tmp_path: Path) -> None:
