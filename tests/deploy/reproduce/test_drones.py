@@ -28,6 +28,7 @@ def test_all_runs_of_an_estimator_have_the_same_settings(tmp_path: Path, estimat
             run.config,
             name=whole.config.name,
             agents=whole.config.agents,
+            optimizer=whole.config.optimizer,
             network=whole.config.network,
         )
         assert same == whole.config
