@@ -85,7 +85,7 @@ def examine(trace: Trace, first: int, tolerated: float) -> Aftermath:
     began, resumed, ended = _span(trace, first)
     spared = _spared(trace)
     after = {
-        agent: sorted((r.seconds for r in reports if r.round >= began), reverse=True)
+        agent: [*sorted((r.seconds for r in reports if r.round >= began), reverse=True), 0.0, 0.0]
         for agent, reports in spared.items()
     }
     meanwhile = [
