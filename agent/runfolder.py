@@ -6,6 +6,7 @@
         config.json           the resolved swarm file
         versions.json         of Python and the packages that matter
         result.json           what the final table shows
+        events.jsonl          what `swarm up` saw: faults, agents that ended or started again
         recording.rrd         for Rerun
         metrics/drone0.jsonl  one swarm.telemetry.RoundReport a line
         checkpoints/drone0/00000042.safetensors
@@ -45,6 +46,11 @@ class RunFolder:
     def result(self) -> Path:
         """Numbers of the final table."""
         return self.path / "result.json"
+
+    @property
+    def events(self) -> Path:
+        """Faults and restarts."""
+        return self.path / "events.jsonl"
 
     @property
     def recording(self) -> Path:

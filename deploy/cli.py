@@ -71,12 +71,12 @@ def up(
     ] = None,
     record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
     chaos: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.py.")
+        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.")
     ] = None,
     device: Device = None,
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
-    from deploy.chaos import load_faults  # noqa: PLC0415
+    from deploy.chaos.faults import load_faults  # noqa: PLC0415
     from deploy.local import launch, prepare, resume_run  # noqa: PLC0415
 
     if (file is None) == (resume is None):

@@ -27,7 +27,10 @@ from agent import checkpoint
 from agent.config import SwarmFile, load
 from agent.learners import build_learner
 from agent.runfolder import RunFolder, open_run
-from deploy.chaos import Chaos, Fault
+from deploy.chaos.clocks import Clocks
+from deploy.chaos.faults import Fault
+from deploy.chaos.runner import Chaos
+from deploy.journal import Journal
 from deploy.processes import end_all, last_line
 from deploy.progress import Progress
 from deploy.report import report_result
@@ -170,7 +173,8 @@ class Fleet:
 
     folder: RunFolder
     config: SwarmFile
-    progress: Progress
+    journal: Journal
+    clocks: Clocks
     workers: dict[str, Worker] = field(default_factory=dict)
     exits: "queue.SimpleQueue[tuple[str, int]]" = field(default_factory=queue.SimpleQueue)
 
@@ -187,8 +191,9 @@ class Fleet:
         self.folder.prepare(agent)
         with self.folder.log(agent).open("ab") as log:
             process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True
-            )
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True,
+                env=os.environ | self.clocks.environment(agent),
+            )  # fmt: skip
         waiting = threading.Thread(target=self._wait, args=(agent, process), daemon=True)
         waiting.start()
         worker = self.workers.get(agent)
@@ -215,7 +220,7 @@ class Fleet:
         now = time.monotonic()
         for worker in self.workers.values():
             if worker.restart_at is not None and now >= worker.restart_at:
-                self.progress.say(f"{worker.agent} starts again from its newest checkpoint")
+                self.journal.say(f"{worker.agent} starts again from its newest checkpoint")
                 self.start(worker.agent, None)
 
     def _on_exit(self, worker: Worker, code: int) -> None:
@@ -233,14 +238,14 @@ class Fleet:
         worker.failures = 1 if now - worker.started > FORGIVEN else worker.failures + 1
         if worker.failures > len(BACKOFF):
             worker.done = True
-            self.progress.say(
+            self.journal.say(
                 f"{worker.agent} {what}, {worker.failures} times in a row: given up; "
                 f"see {self.folder.log(worker.agent)}"
             )
             return
         delay = BACKOFF[worker.failures - 1]
         worker.restart_at = now + delay
-        self.progress.say(f"{worker.agent} {what}, starts again in {delay:.1f} s")
+        self.journal.say(f"{worker.agent} {what}, starts again in {delay:.1f} s")
 
     @property
     def pids(self) -> dict[str, int]:
@@ -284,20 +289,23 @@ def launch(
     try:
         with ExitStack() as resources:
             progress = resources.enter_context(Progress(config))
-            fleet = Fleet(folder, config, progress)
+            journal = Journal(folder.events, progress)
+            jumping = (agent for fault in faults if fault.kind == "clock" for agent in fault.agents)
+            clocks = Clocks(folder.path / "clocks", frozenset(jumping))
+            fleet = Fleet(folder, config, journal, clocks)
             resources.callback(fleet.close)
             for agent in config.members:
                 fleet.start(agent, begin)
             session = resources.enter_context(observe(config))
             watch_reports(session, Keys(config.name), progress.take)
-            chaos = Chaos(config, list(faults))
+            chaos = Chaos(config, list(faults), clocks)
             resources.callback(lambda: chaos.undo(fleet.pids))
             while not fleet.done and not interrupted.is_set():
                 fleet.attend(TICK)
                 if chaos.started is None and progress.complete:
                     chaos.started = time.monotonic()
                 for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):
-                    progress.say(f"fault: {label}")
+                    journal.say(f"fault: {label}")
                 progress.show()
         if interrupted.is_set():
             print(f"stopped; go on with: swarm up --resume {folder.path}")

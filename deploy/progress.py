@@ -24,7 +24,7 @@ class Progress:
         self._console = Console()
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._reports: dict[str, RoundReport] = {}
-        self._first: dict[str, RoundReport] = {}
+        self._first: dict[str, tuple[int, float]] = {}  # round and monotonic time [s] of arrival
         self._lock = threading.Lock()
         self._next_line = 0.0
         self._start = time.monotonic()
@@ -37,7 +37,7 @@ class Progress:
             if not self._reports:
                 started = time.monotonic() - self._start
                 self.say(f"first round after {started:.1f} s")
-            self._first.setdefault(report.agent, report)
+            self._first.setdefault(report.agent, (report.round, time.monotonic()))
             self._reports[report.agent] = report
 
     @property
@@ -72,11 +72,11 @@ class Progress:
     def _time_left(self, reports: dict[str, RoundReport]) -> float | None:
         """Seconds to the end at the pace so far [s]."""
         slowest = min(reports.values(), key=lambda report: report.round)
-        first = self._first[slowest.agent]
-        done = slowest.round - first.round
+        first, began = self._first[slowest.agent]
+        done = slowest.round - first
         if done <= 0:
             return None
-        return (self._config.rounds - slowest.round) * (slowest.time - first.time) / done
+        return (self._config.rounds - slowest.round) * (time.monotonic() - began) / done
 
     def _line(self, reports: dict[str, RoundReport]) -> str:
         rounds = [report.round for report in reports.values()]

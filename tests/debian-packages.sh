@@ -2,7 +2,7 @@
 # Debian packages that the tests (or, with the argument "bench", the benchmarks) need beside pip's;
 # installed only when missing, and only as root.
 set -euo pipefail
-packages=(iproute2 iptables libvulkan1 mesa-vulkan-drivers systemd)
+packages=(iproute2 iptables libfaketime libvulkan1 mesa-vulkan-drivers systemd)
 [ "${1:-}" != bench ] || packages=(libegl1 libegl-mesa0 libgl1-mesa-dri)
 missing=()
 for package in "${packages[@]}"; do

@@ -145,6 +145,35 @@ def drones(
     raise typer.Exit(0 if good else 1)
 
 
+@app.command()
+def network(
+    agents: Annotated[int, typer.Option(min=4, max=8, help="Processes, each on its own host.")] = 4,
+    fault: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A file of deploy/chaos/files; repeatable; default all."),
+    ] = None,
+    quick: Quick = False,
+    out: Out = RESULTS,
+    json: AsJson = False,
+) -> None:
+    """What every fault costs a swarm of real processes in network namespaces; needs root."""
+    from deploy.reproduce.network import FAULTS, study  # noqa: PLC0415
+
+    for name in fault or ():
+        if name not in FAULTS:
+            raise typer.BadParameter(f'"{name}": expected one of {", ".join(FAULTS)}')
+    _need_figures()
+    chosen = tuple(name for name in FAULTS if name in (fault or FAULTS))
+    errors, console = Console(stderr=True), _console()
+    try:
+        with errors.status("network") as status, stopping_at_signals():
+            options = Options(out / "network", 1, quick, lambda t: status.update(f"network: {t}"))
+            good = publish("network", lambda o: study(o, agents, chosen), options, json, console)
+    except StoppedError:
+        raise typer.Exit(130) from None
+    raise typer.Exit(0 if good else 1)
+
+
 @app.command("all")
 def run_all(
     seeds: Seeds = SEEDS, quick: Quick = False, out: Out = RESULTS, json: AsJson = False

@@ -6,10 +6,16 @@ from pathlib import Path
 import pytest
 
 from agent.config import load
-from deploy.chaos import Chaos, Fault, host_of, load_faults, plan
+from deploy.chaos import clocks
+from deploy.chaos.actions import host_of, plan
+from deploy.chaos.clocks import Clocks
+from deploy.chaos.faults import Fault, load_faults
+from deploy.chaos.runner import Chaos
 from swarm.errors import ConfigError
 
-FILE = Path(__file__).parents[2] / "deploy" / "swarms" / "gridworld-a.toml"
+DEPLOY = Path(__file__).parents[2] / "deploy"
+FILE = DEPLOY / "swarms" / "gridworld-a.toml"
+CHAOS_FILES = sorted((DEPLOY / "chaos" / "files").glob("*.toml"))
 HOSTS = [
     f'agents.{i}={{id="d{i}",task={{env="sim:GridWorld-v0"}},namespace="h{i}",device="eth",'
     f'endpoint="tcp/10.0.0.{i}:7450"}}'
@@ -47,12 +53,12 @@ def test_a_partition_cuts_both_directions_to_everybody_else_and_mends_them() -> 
     assert undone == lines
 
 
-def test_nothing_happens_before_its_time_and_each_thing_once() -> None:
+def test_nothing_happens_before_its_time_and_each_thing_once(tmp_path: Path) -> None:
     faults = [
         Fault(at=1.0, kind="kill", agents=("drone0",)),
         Fault(round=50, kind="freeze", agents=("drone1",), seconds=2.0),
     ]
-    chaos = Chaos(load(FILE), faults)
+    chaos = Chaos(load(FILE), faults, Clocks(tmp_path, frozenset()))
     assert chaos.advance(100.0, 70, {}) == []  # the clock has not started
     chaos.started = 100.0
     assert chaos.advance(100.9, 0, {}) == []
@@ -87,3 +93,52 @@ def test_the_address_of_an_endpoint() -> None:
     assert host_of("tls/[fe80::1]:7450") == "fe80::1"
     with pytest.raises(ConfigError, match="protocol/host:port"):
         host_of("10.77.0.1")
+
+
+@pytest.mark.parametrize("file", CHAOS_FILES, ids=lambda file: file.stem)
+def test_every_chaos_file_fits_a_swarm_on_hosts(
+    file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clocks, "why_not", lambda: None)
+    config = load(FILE, [setting.replace('"d', '"drone') for setting in HOSTS])
+    for fault in load_faults(file, config):
+        assert set(fault.agents) <= set(config.members)
+        assert plan(fault, config)
+
+
+def test_a_star_names_everybody_and_apart_takes_them_in_turn(tmp_path: Path) -> None:
+    file = tmp_path / "chaos.toml"
+    file.write_text('[[fault]]\nround = 100\nkind = "restart"\nagents = ["*"]\napart = 50')
+    faults = load_faults(file, load(FILE))
+    assert [fault.agents for fault in faults] == [(f"drone{i}",) for i in range(4)]
+    assert [fault.round for fault in faults] == [100, 150, 200, 250]
+    file.write_text('[[fault]]\nkind = "freeze"\nagents = ["*"]')
+    (fault,) = load_faults(file, load(FILE))
+    assert fault.agents == load(FILE).members
+
+
+def test_a_clock_jumps_from_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clocks, "library", lambda: Path("/lib/libfaketime.so"))
+    held = Clocks(tmp_path / "clocks", frozenset({"drone1"}))
+    assert held.environment("drone0") == {}
+    variables = held.environment("drone1")
+    assert variables["LD_PRELOAD"] == "/lib/libfaketime.so"
+    assert variables["FAKETIME_DONT_FAKE_MONOTONIC"] == "1"
+    faults = [Fault(kind="clock", agents=("drone1",), by=by) for by in (3600.0, -7200.0)]
+    chaos = Chaos(load(FILE), faults, held, started=0.0)
+    labels = chaos.advance(1.0, 0, {})
+    assert labels == ["clock drone1 by +3600 s", "clock drone1 by -7200 s"]
+    file = Path(variables["FAKETIME_TIMESTAMP_FILE"])
+    assert float(file.read_text()) == -3600.0
+    held.environment("drone1")  # started again, on the same host
+    assert float(file.read_text()) == -3600.0
+
+
+def test_without_libfaketime_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(clocks, "library", lambda: None)
+    file = tmp_path / "chaos.toml"
+    file.write_text('[[fault]]\nkind = "clock"\nagents = ["drone0"]')
+    with pytest.raises(ConfigError, match=r'"clock": libfaketime is not installed'):
+        load_faults(file, load(FILE))

@@ -1,0 +1,30 @@
+"""Faults on purpose: one file of ``[[fault]]`` tables drives the launcher, the tests, the studies.
+
+::
+
+    [[fault]]
+    at = 2.0            # [s] after every agent has reported; or: round = 500
+    kind = "freeze"
+    agents = ["drone1"] # ["*"]: all of them
+    seconds = 5.0
+
+============  ===================================================================================
+kind          what happens to ``agents``
+============  ===================================================================================
+``kill``      SIGKILL; the launcher starts them again from their checkpoints
+``restart``   SIGTERM; likewise
+``freeze``    SIGSTOP, and SIGCONT after ``seconds``
+``slow``      stopped for all but one ``factor``-th of the time, for ``seconds``
+``partition`` cut off from all other agents for ``seconds``
+``loss``      each packet that reaches them is dropped with ``probability``, for ``seconds``
+``rate``      they send at most ``kbit`` kilobits a second, for ``seconds``
+``clock``     their wall clock jumps ``by`` seconds, forward or (negative) back, and stays there
+============  ===================================================================================
+
+``partition``, ``loss`` and ``rate`` need agents in network namespaces of their own (``namespace``
+in the swarm file) and root; ``clock`` needs libfaketime.  ``deploy/chaos/files/`` has a file a
+fault; ``swarm reproduce network`` runs them all and prints what each costs.
+
+Rooms: :mod:`deploy.chaos.faults` the file, :mod:`deploy.chaos.actions` what a fault consists of,
+:mod:`deploy.chaos.clocks` clocks that jump, :mod:`deploy.chaos.runner` carries it out.
+"""

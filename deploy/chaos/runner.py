@@ -1,0 +1,84 @@
+"""Carries faults out as time passes.
+
+Interface: :class:`Chaos`, driven by the launcher.
+"""
+
+import os
+import signal
+import subprocess
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from agent.config import SwarmFile
+from deploy.chaos.actions import Action, plan
+from deploy.chaos.clocks import Clocks
+from deploy.chaos.faults import Fault
+from swarm.errors import SwarmError
+
+
+@dataclass(slots=True)
+class Chaos:
+    """Faults to come and under way.
+
+    Attributes:
+        config: the swarm's.
+        faults: those that have not begun.
+        clocks: those that can jump.
+        started: monotonic time of the file's zero [s]; None until every agent has reported.
+        due: monotonic time and action of what has begun, in order.
+    """
+
+    config: SwarmFile
+    faults: list[Fault]
+    clocks: Clocks
+    started: float | None = None
+    due: list[tuple[float, Action]] = field(default_factory=list)
+
+    def advance(self, now: float, round_: int, pids: Mapping[str, int]) -> list[str]:
+        """Do what is due; labels of what was done, for the user.
+
+        Args:
+            now: monotonic time [s].
+            round_: of the slowest agent.
+            pids: process of each running agent.
+
+        Raises:
+            SwarmError: a command failed.
+        """
+        if self.started is None:
+            return []
+        for fault in list(self.faults):
+            if now - self.started >= fault.at and round_ >= fault.round:
+                self.faults.remove(fault)
+                self.due += [(now + action.at, action) for action in plan(fault, self.config)]
+        self.due.sort(key=lambda entry: entry[0])
+        labels = []
+        while self.due and now >= self.due[0][0]:
+            _, action = self.due.pop(0)
+            for agent, what in action.signals:
+                if agent in pids:
+                    os.kill(pids[agent], what)
+            for command in action.commands:
+                _run(command)
+            for agent, by in action.jumps:
+                self.clocks.jump(agent, by)
+            if action.label:
+                labels.append(action.label)
+        return labels
+
+    def undo(self, pids: Mapping[str, int]) -> None:
+        """End what lasts: let stopped agents go on, lift the network's faults."""
+        for _, action in self.due:
+            if not action.label.startswith("end of "):
+                continue
+            for agent, what in action.signals:
+                if agent in pids and what == signal.SIGCONT:
+                    os.kill(pids[agent], what)
+            for command in action.commands:
+                subprocess.run(command, capture_output=True, check=False, timeout=10)
+
+
+def _run(command: tuple[str, ...]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=10)
+    if done.returncode:
+        raise SwarmError(f"fault: {' '.join(command)}: {done.stderr.strip()}")
