@@ -52,7 +52,7 @@ x-container: &container
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
   networks: [swarm]
-  stop_grace_period: 5s
+  stop_grace_period: 15s  # a drone lands meanwhile
 
 x-agent: &agent
   <<: *container
