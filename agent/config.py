@@ -176,11 +176,21 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
     Raises:
         ConfigError: one line that names file, key, value and what was expected.
     """
-    tables = read_toml(path)
+    config = read(read_toml(path), settings, str(path))
+    security = config.network.security.beside(path.parent)
+    return replace(config, network=replace(config.network, security=security))
+
+
+def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFile:
+    """The swarm file in ``tables``, which come from ``where``; relative paths are left as they are.
+
+    Raises:
+        ConfigError: as :func:`load`.
+    """
     override(tables, settings)
     if isinstance(policy := tables.get("policy"), dict):
         policy.setdefault("kind", "tabular")
-    config = convert(tables, SwarmFile, str(path))
+    config = convert(tables, SwarmFile, where)
     try:
         check_name("name", config.name)
         for i, agent in enumerate(config.agents):
@@ -194,9 +204,8 @@ def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
         _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    security = config.network.security.beside(path.parent)
-    return replace(config, network=replace(config.network, security=security))
+        raise ConfigError(f"{where}: {error}") from None
+    return config
 
 
 def _check_training(config: SwarmFile) -> None:

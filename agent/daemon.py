@@ -20,6 +20,7 @@ from agent import answers, checkpoint
 from agent.answers import Life
 from agent.checkpoint import Checkpoint
 from agent.config import SwarmFile
+from agent.joining import serve_config
 from agent.learner import Attendance, Learner
 from agent.learners import build_learner
 from agent.metrics import serve_metrics
@@ -34,6 +35,7 @@ from swarm.history import serve_history
 from swarm.keys import Keys
 from swarm.mixing import RULES, Mixer
 from swarm.payload import Layout
+from swarm.refusals import Refusals
 from swarm.roster import Roster
 from swarm.session import open_session
 from swarm.telemetry import RoundReport, TelemetryPublisher
@@ -94,7 +96,8 @@ def run_agent(
         session = resources.enter_context(
             open_session(config.network, config.party(agent), [listen], endpoints[:index])
         )
-        roster = resources.enter_context(Roster(session, keys))
+        refusals = resources.enter_context(Refusals(session, keys, agent, layout))
+        roster = resources.enter_context(Roster(session, keys, refusals.refused))
         exchange = resources.enter_context(
             Exchange(
                 session, keys, (agent, incarnation), config.members, layout, mixer.codec,
@@ -107,6 +110,7 @@ def run_agent(
         rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
         spotter = Spotter(agent, telemetry, lambda: life.at.round)
         learner.attendance = Attendance(stop.is_set, spotter.see)
+        refusals.check()
         roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
         life.at = _catch_up(exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
@@ -115,6 +119,7 @@ def run_agent(
         for report in folder.reports(agent):
             life.history.take(report)
         serve_history(session, keys, agent, life.history)
+        serve_config(session, keys, agent, config, lambda: life.at.round)
         answers.serve_status(session, keys, life, rounds, incarnation)
         if metrics_at is not None:
             ask = partial(answers.health, life, rounds, incarnation)
@@ -207,6 +212,7 @@ def _report(
         disagreement=outcome.disagreement,
         weights=outcome.weights,
         missing=outcome.missing,
+        one_sided=rounds.ledger.one_sided,
         sketch=tuple(sketch(at.theta).tolist()) if detailed else (),
         route=rounds.learner.route(at.theta) if detailed else (),
     )

@@ -17,6 +17,7 @@ import typer
 
 from agent.config import load
 from agent.daemon import run_agent
+from agent.joining import fetch_config
 from agent.runfolder import RunFolder
 from deploy.cli_drones import app as drones
 from deploy.cli_policies import app as policies
@@ -24,6 +25,7 @@ from deploy.logs import log_to
 from deploy.reproduce.cli import app as reproduce
 from deploy.signals import stop_on_signals
 from swarm.errors import ConfigError, SwarmError
+from swarm.keys import check_name
 
 app = typer.Typer(
     help="A swarm of drones learns one policy for all of their worlds, peer to peer.",
@@ -93,8 +95,20 @@ def up(
 
 @app.command()
 def agent(
-    file: File,
     id_: Annotated[str, typer.Option("--id", help="Which agent of the file.")],
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
+    ] = None,
+    join: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Instead of FILE: get it from this running swarm."),
+    ] = None,
+    connect: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ENDPOINT", help="With --join: ask there, not by multicast; repeatable."
+        ),
+    ] = None,
     settings: Settings = None,
     run: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME.")
@@ -114,12 +128,22 @@ def agent(
     device: Device = None,
 ) -> None:
     """Run one agent, as a drone would; SIGTERM or Ctrl-C ends it with a checkpoint."""
-    config = load(file, _on(device, settings))
-    config.index(id_)
-    folder = RunFolder(run or Path("runs") / config.name)
+    if (file is None) == (join is None):
+        raise typer.BadParameter("expected either FILE or --join NAME")
+    if connect and join is None:
+        raise typer.BadParameter("--connect goes with --join: FILE has its endpoints")
+    settings = _on(device, settings)
+    config = load(file, settings) if file is not None else None
+    if config is not None:
+        config.index(id_)
+    name = config.name if config is not None else check_name("--join", join or "")
+    folder = RunFolder(run or Path("runs") / name)
     stop = stop_on_signals()
     folder.prepare(id_)
     log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
+    if config is None:
+        config = fetch_config(name, id_, connect or (), settings)
+        folder.write_config(config)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
     run_agent(config, id_, folder, stop, resume, begin, metrics)

@@ -5,7 +5,7 @@ a member of the roster.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,4 +169,14 @@ def picture(config: SwarmFile, summary: SwarmStatus) -> Group:
             nearby,
             f"{answer.memory_mb:.0f}",
         )
-    return Group(table, *(Text(f"  {problem}", style="yellow") for problem in summary.problems))
+    problems = (Text(f"  {problem}", style="yellow") for problem in summary.problems)
+    return Group(table, Text(f"  {_weights(summary.agents)}"), *problems)
+
+
+def _weights(agents: Mapping[str, AgentStatus]) -> str:
+    """Whether both ends of every edge used the same weight in every round."""
+    one_sided = {name: answer.one_sided for name, answer in agents.items() if answer.one_sided}
+    if not one_sided:
+        return "W was symmetric and doubly stochastic on what was exchanged, in every round"
+    counts = ", ".join(f"{name} {count}" for name, count in sorted(one_sided.items()))
+    return f"edges that only one end used in a round, so far: {counts}"

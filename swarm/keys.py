@@ -2,6 +2,8 @@
 
 ========================================  ======================================================
 ``dcpg/{swarm}/alive/{agent}/{inc}``      liveliness token; ``inc`` is the process's incarnation
+``dcpg/{swarm}/speaks/{agent}/{what}``    likewise; what its parameters mean (:mod:`swarm.refusals`)
+``dcpg/{swarm}/config/{agent}``           queryable: the swarm file, for one who has none
 ``dcpg/{swarm}/params/{agent}/{to}``      parameters of one round (:mod:`swarm.payload`), pushed
 ``dcpg/{swarm}/state/{agent}``            queryable: the newest parameters, for one who joins
 ``dcpg/{swarm}/status/{agent}``           queryable: :class:`swarm.telemetry.AgentStatus`
@@ -47,6 +49,14 @@ class Keys:
     def alive(self, agent: str = "*", incarnation: str = "*") -> str:
         """Key of a liveliness token."""
         return f"{ROOT}/{self.swarm}/alive/{agent}/{incarnation}"
+
+    def speaks(self, agent: str = "*", what: str = "*") -> str:
+        """Key of the token that says what an agent's parameters mean."""
+        return f"{ROOT}/{self.swarm}/speaks/{agent}/{what}"
+
+    def config(self, agent: str = "*") -> str:
+        """Key under which an agent answers with the swarm file."""
+        return f"{ROOT}/{self.swarm}/config/{agent}"
 
     def params(self, agent: str = "*", receiver: str = "*") -> str:
         """Key on which an agent publishes its parameters to one of its neighbours."""

@@ -6,7 +6,7 @@ process ends in whatever way, after the lease when it freezes or is cut off.
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
@@ -49,10 +49,16 @@ class Roster:
     Args:
         session: an open session.
         keys: the swarm's keys.
+        refused: ids that do not count as present (:mod:`swarm.refusals`).
     """
 
-    def __init__(self, session: zenoh.Session, keys: Keys) -> None:
-        self._session, self._keys = session, keys
+    def __init__(
+        self,
+        session: zenoh.Session,
+        keys: Keys,
+        refused: Callable[[], Collection[str]] = tuple,
+    ) -> None:
+        self._session, self._keys, self._refused = session, keys, refused
         self._on_change: list[Callable[[], None]] = []
         self._presence = Presence()
         self._changed = threading.Condition()
@@ -78,8 +84,10 @@ class Roster:
 
     def present(self) -> dict[str, str]:
         """Agents that are here, each with its newest incarnation."""
+        refused = self._refused()
         with self._changed:
-            return {agent: lives[-1] for agent, lives in self._presence.alive.items()}
+            alive = self._presence.alive.items()
+            return {agent: lives[-1] for agent, lives in alive if agent not in refused}
 
     def incarnation(self, agent: str) -> str | None:
         """The newest living incarnation of an agent, None if it is not here."""
@@ -98,7 +106,7 @@ class Roster:
         wanted = set(agents)
         end = time.monotonic() + deadline
         with self._changed:
-            while missing := wanted - self._presence.alive.keys():
+            while missing := wanted - (self._presence.alive.keys() - set(self._refused())):
                 left = end - time.monotonic()
                 if left <= 0 or (stop is not None and stop.is_set()):
                     return missing

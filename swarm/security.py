@@ -155,7 +155,7 @@ def access_control(party: Party) -> dict[str, Any]:
     policies = [{"rules": ["ask"], "subjects": [*party.members, OBSERVER]}]
     for member in party.members:
         # A token may name any swarm: so a doctor sees agents that took another swarm's file.
-        own = (party.keys.own(member), Keys("*").alive(member))
+        own = (party.keys.own(member), Keys("*").alive(member), Keys("*").speaks(member))
         rules.append(rule(f"from {member}", says, ["ingress"], *own))
         policies.append({"rules": [f"from {member}"], "subjects": [member]})
         if member == party.name:

@@ -46,6 +46,8 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         disagreement: largest distance to a neighbour's parameters.
         weights: W_ij by neighbour, as used (what did not count is left out).
         missing: neighbours whose message did not count.
+        one_sided: edges that only one end used so far; W of the rounds until now is symmetric, and
+            so doubly stochastic, on what was really exchanged while this is 0.
         sketch: :func:`swarm.consensus.sketch` of the parameters that entered the round.
         route: states on the most followed path, for tabular tasks now and then; else empty.
         distance: mean length of the flights that ended last [m], where the world tells it.
@@ -63,6 +65,7 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     disagreement: float
     weights: dict[str, float]
     missing: tuple[str, ...] = ()
+    one_sided: int = 0
     sketch: tuple[float, ...] = ()
     route: tuple[int, ...] = ()
     distance: float | None = None
