@@ -87,9 +87,7 @@ def opened(config: SwarmFile, output: Output) -> Iterator[Recorder]:
         if file is not None:
             _check_writable(file)
     with rr.RecordingStream(f"swarm {config.name}") as stream, ExitStack() as guards:
-        viewer = _connect(stream, scene, output)
-        if viewer is not None and output.headless:
-            guards.enter_context(_ends_with_us(viewer))
+        viewer = _connect(stream, scene, output, guards)
         try:
             yield Recorder(stream, scene)
             if viewer is not None and output.screenshot is not None:
@@ -106,7 +104,9 @@ def opened(config: SwarmFile, output: Output) -> Iterator[Recorder]:
                 viewer.quit()
 
 
-def _connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> ViewerClient | None:
+def _connect(
+    stream: rr.RecordingStream, scene: Scene, output: Output, guards: ExitStack
+) -> ViewerClient | None:
     """Connect the stream to where it goes; returns the viewer that was started for it, if any."""
     if output.save is not None:
         stream.save(output.save, default_blueprint=scene.blueprint())
@@ -114,6 +114,8 @@ def _connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> Viewer
         _serve(stream, scene, output)
     else:
         viewer = _spawn(output.headless)
+        if output.headless:
+            guards.enter_context(_ends_with_us(viewer))
         try:
             stream.connect_grpc(viewer.url, default_blueprint=scene.blueprint())
             stream.flush(timeout_sec=FLUSH)
