@@ -9,6 +9,10 @@ nobody waits for it; an agent that finds its neighbours ahead jumps to their rou
 that let the deadline pass is not waited for again until it has caught up.  While an answer is
 outstanding the own message is sent again, at growing intervals: it may be the one that was lost.
 Between, messages without a body say that this agent is waiting, not gone.
+
+For a moment after somebody came or went, two agents may disagree on whether they are neighbours.
+Whoever hears from an agent that it does not exchange with answers with its header, and is not
+waited for.
 """
 
 import logging
@@ -106,6 +110,7 @@ class Exchange:
         self._longest = math.inf  # norm of a neighbour's parameters; not known before the own
         self._last = last
         self._late: set[str] = set()
+        self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
         self._guard = Guard()
         self._parcels = Parcels(shared_memory)
@@ -129,7 +134,7 @@ class Exchange:
             header = decode_header(_bytes(sample.attachment), self._layout, self._last)
             self._check_sender(header, sender)
             if len(sample.payload) == 0:
-                self._inbox.touch(header.agent)
+                self._inbox.touch(header)
                 return
             body = unwrap(sample.payload)
             vector = decode_body(body, self._layout, self._codec, self._longest)
@@ -266,7 +271,10 @@ class Exchange:
         while not stop.is_set():
             seen, rounds = self._inbox.count, self._inbox.rounds()
             self._late -= {agent for agent in self._late if rounds.get(agent, -1) >= round_}
-            open_ = awaited(round_, neighbours, rounds, self._roster.present(), self._late)
+            elsewhere = self._look_around(round_, neighbours)
+            open_ = awaited(
+                round_, neighbours, rounds, self._roster.present(), self._late | elsewhere
+            )
             now = time.monotonic()
             silent = out_of_time(open_, self._inbox.heard(), self._published, limit, now)
             if silent:
@@ -294,6 +302,23 @@ class Exchange:
         now = time.monotonic()
         self._durations.append(now - self._published)
         return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
+
+    def _look_around(self, round_: int, neighbours: Collection[str]) -> set[str]:
+        """Neighbours that exchange this round with others; tell those with whom we do not."""
+        elsewhere: set[str] = set()
+        for header in self._inbox.views():
+            other, counts_us = header.agent, self._agent in header.neighbours
+            if other in neighbours and header.round >= round_ and not counts_us:
+                elsewhere.add(other)
+            elif (
+                counts_us
+                and other not in neighbours
+                and header.round <= round_
+                and self._answered.get(other) is not header
+            ):
+                self._answered[other] = header
+                self._to(other).put(b"", attachment=self._outgoing[0])
+        return elsewhere
 
     def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
         """Take what is new since the last look, without waiting.

@@ -1,5 +1,6 @@
 """Whom to wait for and how long, what to keep, who is here: decisions without a network."""
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -59,7 +60,7 @@ def test_an_inbox_gives_messages_by_round_and_the_newest() -> None:
     assert inbox.of_round(4, ["b", "c"])["b"].header.round == 4
     assert inbox.of_round(3, ["b"]) == {}
     assert inbox.newest(["b", "c"])["b"].header.round == 5
-    inbox.touch("c")
+    inbox.touch(msgspec.structs.replace(message(5).header, agent="c"))
     assert inbox.rounds() == {"b": 5, "c": -1}
     assert inbox.newest(["c"]) == {}
     assert set(inbox.heard()) == {"b", "c"}
