@@ -82,7 +82,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
     return Findings(
         title=f"Faults of {agents} processes on {agents} hosts, grid world (a), "
         f"{config.rounds} rounds",
-        claims=[_claim(fault, end, calm, agents) for fault, end in done.items()],
+        claims=[claim(fault, end, calm, agents) for fault, end in done.items()],
         notes=_notes(calm, tolerated),
         data={fault: asdict(end) for fault, end in done.items()},
         figures=[_draw(options.out, traces)],
@@ -132,7 +132,7 @@ def _judge(config: SwarmFile, trace: Trace, folder: RunFolder, tolerated: float)
     )
 
 
-def _claim(fault: str, end: Finished, calm: Finished, agents: int) -> Claim:
+def claim(fault: str, end: Finished, calm: Finished, agents: int) -> Claim:
     """The line of a fault: what it cost, how long until all was well, what was learned."""
     was, cost = end.aftermath, COSTS.get(fault)
     required = [f"{agents} of {agents}", "nobody lost", "no round twice"]

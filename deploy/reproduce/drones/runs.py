@@ -1,7 +1,8 @@
 """The fifteen runs of the drone experiment: for each estimator one swarm and four agents alone.
 
 Every run is a swarm like any other; an agent alone is a swarm of one.  All runs take the same
-number of environment steps per agent.
+number of environment steps per agent.  A swarm of N moves by the mean of its agents' steps, so its
+step is N times that of an agent alone: the objective is the sum over the tasks, not their mean.
 """
 
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from swarm.telemetry import RoundReport
 
 ESTIMATORS = ("reinforce", "a2c", "ppo")
 SWARM = "dcpg"
+STEP_ALONE = 1e-4  # the paper's
 FIRST_PORT, PORTS = 17_450, 8  # so that runs side by side need not look for free ones at once
 
 
@@ -101,8 +103,11 @@ def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
     whole = load(source)
     rounds = -(-budget // steps_per_round(whole))
     whole = msgspec.structs.replace(whole, rounds=rounds, seed=seed)
+    optimizer = msgspec.structs.replace(whole.optimizer, step=STEP_ALONE)
     alone = [
-        msgspec.structs.replace(whole, name=f"sa-{i}-{estimator}", agents=(agent,))
+        msgspec.structs.replace(
+            whole, name=f"sa-{i}-{estimator}", agents=(agent,), optimizer=optimizer
+        )
         for i, agent in enumerate(whole.agents)
     ]
     names = [SWARM, *(f"sa-{i}" for i in range(len(alone)))]

@@ -74,7 +74,8 @@ def study(
         notes=[
             "SA-i learned alone in world i; DCPG is one policy, the mean of four agents' "
             "parameters. All runs of an estimator have the same settings and the same number of "
-            "steps of every drone.",
+            "steps of every drone; only Adam's step is 4e-4 in the swarm of four and 1e-4 (the "
+            "paper's) alone, because the mean of four agents' steps is what moves a swarm.",
             f"Judged are flights that draw actions from the policy ({JUDGED}); the greedy ones "
             "stand in the JSON file and in the matrices of `swarm eval`.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
@@ -154,6 +155,7 @@ def _record(five: Sequence[Run], found: dict[Mode, Matrix]) -> dict[str, Any]:
             "steps": run.steps,
             "seconds": round(run.seconds, 1),
             "rounds": run.config.rounds,
+            "step": run.config.optimizer.step,
             "seed": run.config.seed,
             "curves": {a: curve(run.folder, a) for a in run.config.members},
         }

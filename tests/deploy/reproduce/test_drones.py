@@ -19,12 +19,16 @@ from swarm.telemetry import RoundReport
 def test_all_runs_of_an_estimator_have_the_same_settings(tmp_path: Path, estimator: str) -> None:
     whole, *alone = plan(tmp_path, estimator, budget=150_000, seed=1)
     assert [run.name for run in alone] == ["sa-0", "sa-1", "sa-2", "sa-3"]
+    assert {run.config.optimizer.step * len(alone) for run in alone} == {
+        whole.config.optimizer.step
+    }
     for i, run in enumerate(alone):
         assert run.config.agents == (whole.config.agents[i],)
         same = msgspec.structs.replace(
             run.config,
             name=whole.config.name,
             agents=whole.config.agents,
+            optimizer=whole.config.optimizer,
             network=whole.config.network,
         )
         assert same == whole.config
