@@ -20,7 +20,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -44,7 +44,7 @@ from swarm.payload import (
     encode_header,
 )
 from swarm.roster import Roster
-from swarm.timing import Timing, awaited, deadline, out_of_time
+from swarm.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
 
 log = logging.getLogger(__name__)
 NORM_FACTOR = 100.0  # times the own norm, or 1, is as large as a neighbour's may be
@@ -271,10 +271,10 @@ class Exchange:
         while not stop.is_set():
             seen, rounds = self._inbox.count, self._inbox.rounds()
             self._late -= {agent for agent in self._late if rounds.get(agent, -1) >= round_}
-            elsewhere = self._look_around(round_, neighbours)
-            open_ = awaited(
-                round_, neighbours, rounds, self._roster.present(), self._late | elsewhere
-            )
+            views = self._inbox.views()
+            self._tell_strangers(strangers(self._agent, round_, neighbours, views))
+            not_now = self._late | elsewhere(self._agent, round_, neighbours, views)
+            open_ = awaited(round_, neighbours, rounds, self._roster.present(), not_now)
             now = time.monotonic()
             silent = out_of_time(open_, self._inbox.heard(), self._published, limit, now)
             if silent:
@@ -303,22 +303,12 @@ class Exchange:
         self._durations.append(now - self._published)
         return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
 
-    def _look_around(self, round_: int, neighbours: Collection[str]) -> set[str]:
-        """Neighbours that exchange this round with others; tell those with whom we do not."""
-        elsewhere: set[str] = set()
-        for header in self._inbox.views():
-            other, counts_us = header.agent, self._agent in header.neighbours
-            if other in neighbours and header.round >= round_ and not counts_us:
-                elsewhere.add(other)
-            elif (
-                counts_us
-                and other not in neighbours
-                and header.round <= round_
-                and self._answered.get(other) is not header
-            ):
-                self._answered[other] = header
-                self._to(other).put(b"", attachment=self._outgoing[0])
-        return elsewhere
+    def _tell_strangers(self, headers: Iterable[ParameterHeader]) -> None:
+        """Answer those who wait for this agent in vain, once each round of theirs."""
+        for header in headers:
+            if self._answered.get(header.agent) is not header:
+                self._answered[header.agent] = header
+                self._to(header.agent).put(b"", attachment=self._outgoing[0])
 
     def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
         """Take what is new since the last look, without waiting.
