@@ -91,7 +91,7 @@ def examine(trace: Trace, first: int, tolerated: float) -> Aftermath:
     meanwhile = [
         r.seconds for reports in spared.values() for r in reports if began <= r.round <= resumed
     ]
-    agreed = agreement(trace, resumed, tolerated)
+    agreed = agreement(trace, _broken(trace, resumed), tolerated)
     met = _meeting(trace, resumed)
     return Aftermath(
         usual=median(r.seconds for reports in trace.reports.values() for r in reports),
@@ -178,6 +178,17 @@ def _spared(trace: Trace) -> Reports:
     """Reports of those who were not stopped themselves."""
     stopped = {agent for f in trace.faults if f.kind in {"freeze", "slow"} for agent in f.agents}
     return {a: reports for a, reports in trace.reports.items() if a not in stopped}
+
+
+def _broken(trace: Trace, since: int) -> int:
+    """First round without those who were ended, whose absence begins with the fault."""
+    if not any(fault.kind in {"kill", "restart"} for fault in trace.faults):
+        return since
+    whole, last = (
+        disagreement(trace),
+        max(r.round for played in trace.reports.values() for r in played),
+    )
+    return next((round_ for round_ in range(since, last) if round_ not in whole), since)
 
 
 def _meeting(trace: Trace, since: int) -> RoundReport | None:

@@ -83,7 +83,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
         title=f"Faults of {agents} processes on {agents} hosts, grid world (a), "
         f"{config.rounds} rounds",
         claims=[claim(fault, end, calm, agents) for fault, end in done.items()],
-        notes=_notes(calm, tolerated),
+        notes=_notes(done, tolerated),
         data={fault: asdict(end) for fault, end in done.items()},
         figures=[_draw(options.out, traces)],
     )
@@ -164,15 +164,17 @@ def claim(fault: str, end: Finished, calm: Finished, agents: int) -> Claim:
     return Claim(fault, "", "; ".join(required), "; ".join(ours), holds)
 
 
-def _notes(calm: Finished, tolerated: float) -> list[str]:
+def _notes(done: dict[str, Finished], tolerated: float) -> list[str]:
+    usual = done[UNDISTURBED].aftermath.usual
+    edges = ", ".join(f"{fault} {end.aftermath.one_sided}" for fault, end in done.items())
     return [
-        f"Without faults a round takes {calm.aftermath.usual * 1e3:.1f} ms (median); rounds count "
-        f"from number {FIRST} on. Longest and next: of any one agent that was not itself stopped.",
+        f"Without faults a round takes {usual * 1e3:.1f} ms (median). Longest and next: of any one "
+        f"agent that was not itself stopped, from round {FIRST} on or from the fault.",
         "Back: rounds that the others play from the end of the fault (kill, restart: from its "
         "beginning, so the start of a process is in it) until every agent mixes with all its "
         f"neighbours and nobody is farther than {tolerated:.2f} from one, {TIMES} times what is "
         "usual without faults.",
-        "Edges used by one end only: see one_sided in the JSON.",
+        f"Edges of a round that one end mixed and the other did not: {edges}.",
     ]
 
 

@@ -109,6 +109,22 @@ def test_a_wrong_clock_does_not_move_the_fault() -> None:
     assert (found.longest, found.slow) == (0.7, 1)
 
 
+def test_the_absence_of_one_who_was_killed_begins_when_the_others_notice() -> None:
+    events = (Event(1.05, "fault: kill c"),)
+    alone = {
+        agent: [
+            *played(agent, range(12)),
+            *played(agent, range(12, 15), weights={other: 0.5}),
+            *played(agent, range(15, 20)),
+        ]
+        for agent, other in [("a", "b"), ("b", "a")]
+    }
+    reports = {"c": [*played("c", range(12)), *played("c", range(15, 20))]}
+    fault = Fault(kind="kill", agents=("c",))
+    found = examine(trace(fault, events=events, **alone, **reports), first=5, tolerated=0.24)
+    assert found.absence == 15 - 9  # round 9 was over when it died
+
+
 def test_restarts_are_read_from_the_journal() -> None:
     texts = ["fault: kill c", "c was killed by SIGKILL, starts again in 0.0 s",
              "c starts again from its newest checkpoint"]  # fmt: skip

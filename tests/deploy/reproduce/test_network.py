@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ WELL = Aftermath(
 CALM = Finished(WELL, solved=4, share=0.985, lost=())
 
 
-def kept(fault: str, end: Finished = CALM, **cost: object) -> bool:
+def kept(fault: str, end: Finished = CALM, **cost: Any) -> bool:
     return claim(fault, replace(end, aftermath=replace(WELL, **cost)), CALM, agents=4).holds
 
 
