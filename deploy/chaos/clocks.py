@@ -6,8 +6,9 @@ whoever asks there for the time of day (Python, Zenoh, the file system's stamps)
 what a file says, and the file can be changed while the agent runs.  CLOCK_MONOTONIC stays true, as
 it does on a host whose clock is set.
 
-Trap: with libfaketime 0.9.10 ``time.sleep`` fails in Python 3.11 (its issue 426); agents never
-sleep, they wait for events.
+Traps of libfaketime 0.9.10: its remedy for old C libraries, on by default, makes timed waits return
+at once, and an agent burns nine times the CPU (measured; off here).  ``time.sleep`` fails in Python
+3.11 (its issue 426); agents never sleep, they wait for events.
 """
 
 from dataclasses import dataclass, field
@@ -57,6 +58,7 @@ class Clocks:
             "FAKETIME_TIMESTAMP_FILE": str(self._file(agent).resolve()),
             "FAKETIME_CACHE_DURATION": f"{LOOK_EVERY}",
             "FAKETIME_DONT_FAKE_MONOTONIC": "1",
+            "FAKETIME_FORCE_MONOTONIC_FIX": "0",
             "FAKETIME_DISABLE_SHM": "1",
         }
 

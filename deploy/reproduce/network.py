@@ -33,7 +33,7 @@ FAULTS = ("kill", "restart", "freeze", "partition", "loss", "rate", "clock")
 UNDISTURBED = "none"
 AGENTS = (4, 8)  # from, to
 FIRST, APART = 1000, 500  # rounds: the faults begin; of a restart to the next (chaos files)
-AFTER = 2000  # rounds from the last restart to the end
+AFTER = 1000  # rounds from the last restart to the end
 COSTS = {"kill": 0.5, "freeze": 3.0, "partition": 3.0}  # [s] most that a round may take, once
 REUNION = 20  # rounds in which the parts of a swarm must agree again
 MAY_RESTART = {"kill", "restart"}
@@ -64,7 +64,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
     Raises:
         SwarmError: this machine cannot make such hosts, or a run failed.
     """
-    after = AFTER // (4 if options.quick else 1)
+    after = AFTER // (2 if options.quick else 1)
     config = grid_swarm("a", agents, rounds=FIRST + APART * (agents - 1) + after)
     runs = options.out / "runs"
     with hosts(agents + 1) as names:
