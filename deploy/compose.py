@@ -17,6 +17,7 @@ import msgspec
 from msgspec.structs import replace
 
 from agent.config import AgentEntry, SwarmFile, Task
+from agent.policies import Tabular
 from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError
 
@@ -42,6 +43,7 @@ x-build: &build
   args:
     BASE: $${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}
     TORCH_INDEX: $${TORCH_INDEX:-}
+    POLICY: $policy
     WORLDS: $worlds
 
 x-container: &container
@@ -50,11 +52,11 @@ x-container: &container
   cap_drop: [ALL]
   security_opt: ["no-new-privileges:true"]
   networks: [swarm]
-  stop_grace_period: 5s
+  stop_grace_period: 15s  # a drone lands meanwhile
 
 x-agent: &agent
   <<: *container
-  image: dcpg-swarm-agent
+  image: dcpg-swarm-agent:$policy
   configs: [{source: swarm, target: /etc/swarm/swarm.json}]
 
 x-vehicle: &vehicle
@@ -173,7 +175,10 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
     name = config.name.lower().replace(".", "-")
     scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
     worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
-    parts = [HEAD.substitute(source=source, name=name, context=context, worlds=worlds)]
+    policy = "tabular" if isinstance(config.policy, Tabular) else "neural"  # as in the Dockerfile
+    parts = [
+        HEAD.substitute(source=source, name=name, context=context, policy=policy, worlds=worlds)
+    ]
     for place, agent in enumerate(config.agents):
         first = place == 0
         parts.append(

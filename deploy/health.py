@@ -1,4 +1,4 @@
-"""Health checks of containers: ``python -SE health.py agent|vehicle|viewer`` exits with 0 or 1.
+"""Health checks of containers: ``python -S health.py agent|vehicle|viewer`` exits with 0 or 1.
 
 They run every few seconds beside the process they look at, so this file stands alone and imports
 next to nothing.  An agent and a viewer are asked over HTTP.  A vehicle is not spoken to, since a

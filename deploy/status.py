@@ -25,13 +25,13 @@ from swarm.errors import ConfigError
 from swarm.keys import Keys
 from swarm.security import OBSERVER
 from swarm.session import open_session
-from swarm.telemetry import AgentStatus, ask_status
+from swarm.telemetry import AgentStatus, NeighbourStatus, ask_status
 
 RUNS = Path("runs")
 LATEST = RUNS / "latest"  # link to the newest run of `swarm up`
 CODES = {"healthy": 0, "degraded": 1, "nobody": 3}  # exit codes
 REFRESH = 0.5  # [s] between two looks of `swarm status --watch`
-STALE = 5.0  # [s] an older message from a neighbour is a sign of trouble
+STALE = 5.0  # [s] from a neighbour that has got on meanwhile, an older message means trouble
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +103,7 @@ def judge(config: SwarmFile, answers: dict[str, AgentStatus]) -> SwarmStatus:
     problems = [f"{m} does not answer" for m in config.members if m not in answers]
     for name, answer in answers.items():
         for neighbour, heard in answer.neighbours.items():
-            if answer.state == "learning" and heard.age is not None and heard.age > STALE:
+            if answer.state == "learning" and _missed(heard, answers.get(neighbour)):
                 problems.append(f"{name} last heard {neighbour} {heard.age:.1f} s ago")
         if answer.rejected:
             counts = ", ".join(f"{cause} {n}" for cause, n in sorted(answer.rejected.items()))
@@ -117,6 +117,13 @@ def judge(config: SwarmFile, answers: dict[str, AgentStatus]) -> SwarmStatus:
         agents=answers,
         errors=errors,
     )
+
+
+def _missed(heard: NeighbourStatus, itself: AgentStatus | None) -> bool:
+    """Whether a neighbour was not heard though it spoke: a long flight is no trouble."""
+    if itself is None or heard.age is None or heard.round is None:
+        return False
+    return heard.age > STALE and heard.round < itself.round
 
 
 def show_status(target: Target, as_json: bool, timeout: float) -> int:

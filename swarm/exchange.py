@@ -9,6 +9,10 @@ nobody waits for it; an agent that finds its neighbours ahead jumps to their rou
 that let the deadline pass is not waited for again until it has caught up.  While an answer is
 outstanding the own message is sent again, at growing intervals: it may be the one that was lost.
 Between, messages without a body say that this agent is waiting, not gone.
+
+For a moment after somebody came or went, two agents may disagree on whether they are neighbours.
+Whoever hears from an agent that it does not exchange with answers with its header, and is not
+waited for.
 """
 
 import logging
@@ -16,7 +20,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType, TracebackType
 from typing import Self
@@ -40,7 +44,7 @@ from swarm.payload import (
     encode_header,
 )
 from swarm.roster import Roster
-from swarm.timing import Timing, awaited, deadline, out_of_time
+from swarm.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
 
 log = logging.getLogger(__name__)
 NORM_FACTOR = 100.0  # times the own norm, or 1, is as large as a neighbour's may be
@@ -106,6 +110,7 @@ class Exchange:
         self._longest = math.inf  # norm of a neighbour's parameters; not known before the own
         self._last = last
         self._late: set[str] = set()
+        self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
         self._guard = Guard()
         self._parcels = Parcels(shared_memory)
@@ -129,7 +134,7 @@ class Exchange:
             header = decode_header(_bytes(sample.attachment), self._layout, self._last)
             self._check_sender(header, sender)
             if len(sample.payload) == 0:
-                self._inbox.touch(header.agent)
+                self._inbox.touch(header)
                 return
             body = unwrap(sample.payload)
             vector = decode_body(body, self._layout, self._codec, self._longest)
@@ -266,7 +271,10 @@ class Exchange:
         while not stop.is_set():
             seen, rounds = self._inbox.count, self._inbox.rounds()
             self._late -= {agent for agent in self._late if rounds.get(agent, -1) >= round_}
-            open_ = awaited(round_, neighbours, rounds, self._roster.present(), self._late)
+            views = self._inbox.views()
+            self._tell_strangers(strangers(self._agent, round_, neighbours, views))
+            not_now = self._late | elsewhere(self._agent, round_, neighbours, views)
+            open_ = awaited(round_, neighbours, rounds, self._roster.present(), not_now)
             now = time.monotonic()
             silent = out_of_time(open_, self._inbox.heard(), self._published, limit, now)
             if silent:
@@ -294,6 +302,13 @@ class Exchange:
         now = time.monotonic()
         self._durations.append(now - self._published)
         return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
+
+    def _tell_strangers(self, headers: Iterable[ParameterHeader]) -> None:
+        """Answer those who wait for this agent in vain, once each round of theirs."""
+        for header in headers:
+            if self._answered.get(header.agent) is not header:
+                self._answered[header.agent] = header
+                self._to(header.agent).put(b"", attachment=self._outgoing[0])
 
     def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
         """Take what is new since the last look, without waiting.

@@ -5,16 +5,17 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
-from swarm.payload import Message
+from swarm.payload import Message, ParameterHeader
 
 KEPT = 4  # messages kept per sender: neighbours in step are never further apart than one round
 
 
 @dataclass(slots=True)
 class Box:
-    """What one sender has said: its newest messages by round."""
+    """What one sender has said: its newest messages by round, its newest header of all."""
 
     messages: dict[int, Message] = field(default_factory=dict)
+    view: ParameterHeader | None = None
     heard: float = 0.0  # monotonic time of its last sign of life [s]
 
     def newest(self) -> int:
@@ -44,8 +45,7 @@ class Inbox:
         with self._news:
             box = self._boxes.setdefault(message.header.agent, Box())
             box.store(message)
-            box.heard = time.monotonic()
-            self._notify()
+            self._touch(box, message.header)
 
     def everything(self) -> list[Message]:
         """All messages that are kept."""
@@ -57,11 +57,17 @@ class Inbox:
         with self._news:
             self._boxes[message.header.agent].messages.pop(message.header.round, None)
 
-    def touch(self, agent: str) -> None:
-        """Note a sign of life."""
+    def touch(self, header: ParameterHeader) -> None:
+        """Note a sign of life, and with whom its sender exchanges."""
         with self._news:
-            self._boxes.setdefault(agent, Box()).heard = time.monotonic()
-            self._notify()
+            self._touch(self._boxes.setdefault(header.agent, Box()), header)
+
+    def _touch(self, box: Box, header: ParameterHeader) -> None:
+        box.heard = time.monotonic()
+        known = box.view
+        if known is None or known.incarnation != header.incarnation or known.round <= header.round:
+            box.view = header
+        self._notify()
 
     def wake(self) -> None:
         """Wake the reader for another reason."""
@@ -100,6 +106,11 @@ class Inbox:
         """Newest round of each sender."""
         with self._news:
             return {agent: box.newest() for agent, box in self._boxes.items()}
+
+    def views(self) -> list[ParameterHeader]:
+        """Newest header of each sender."""
+        with self._news:
+            return [box.view for box in self._boxes.values() if box.view is not None]
 
     def heard(self) -> dict[str, float]:
         """Monotonic time of each sender's last sign of life [s]."""

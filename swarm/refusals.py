@@ -18,6 +18,7 @@ from swarm.payload import PROTOCOL, Layout
 
 log = logging.getLogger(__name__)
 LOOK = 2.0  # [s] at most for those who are here to say what they speak
+LINES = 64  # told at most, about different agents and swarms
 
 
 class Refusals:
@@ -34,7 +35,7 @@ class Refusals:
         self._session, self._keys, self._agent = session, keys, agent
         self._speaks = speech(layout)
         self._heard: dict[str, set[str]] = {}  # by id; impostors must not shut out the real one
-        self._others: set[str] = set()
+        self._told: set[str] = set()
         self._subscriber = session.liveliness().declare_subscriber(
             Keys("*").speaks(), self._on_token, history=True
         )
@@ -42,27 +43,32 @@ class Refusals:
 
     def refused(self) -> set[str]:
         """Ids of this swarm whose every owner speaks otherwise."""
-        heard = list(self._heard.items())
+        heard = [(agent, tuple(said)) for agent, said in list(self._heard.items())]
         return {agent for agent, said in heard if said and self._speaks not in said}
 
     def _on_token(self, sample: zenoh.Sample) -> None:
         swarm, agent = Keys.identity(key := str(sample.key_expr))
         said, here = key.rsplit("/", 1)[-1], sample.kind == zenoh.SampleKind.PUT
         if swarm != self._keys.swarm:
-            if here and swarm not in self._others:
-                self._others.add(swarm)
-                log.warning(
-                    'another swarm is on this network, "%s" (%s): nothing of it is mixed into "%s"',
-                    swarm,
-                    agent,
-                    self._keys.swarm,
+            if here:
+                ours = self._keys.swarm
+                self._tell(
+                    f"{swarm}/",
+                    f'another swarm is on this network, "{swarm}" ({agent}): '
+                    f'nothing of it is mixed into "{ours}"',
                 )
         elif not here:
-            self._heard[agent] = self._heard.get(agent, set()) - {said}
+            self._heard.get(agent, set()).discard(said)
         else:
-            self._heard[agent] = self._heard.get(agent, set()) | {said}
+            self._heard.setdefault(agent, set()).add(said)
             if said != self._speaks:
-                log.warning("refused: %s", self._difference({agent: said}))
+                self._tell(agent, f"refused: {self._difference({agent: said})}")
+
+    def _tell(self, about: str, line: str) -> None:
+        """Log a line, the first about somebody, and no flood of them."""
+        if about not in self._told and len(self._told) < LINES:
+            self._told.add(about)
+            log.warning("%s", line)
 
     def check(self) -> None:
         """See that somebody here speaks as we do, if anybody is here.

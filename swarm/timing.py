@@ -1,8 +1,10 @@
 """Every time limit of an agent, and whom it pays to wait for.  Pure: no clock is read here."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import msgspec
+
+from swarm.payload import ParameterHeader
 
 PATIENCE = 4.0  # times what a round usually takes
 
@@ -61,6 +63,38 @@ def awaited(
         for agent in neighbours
         if agent in present and agent not in late and newest.get(agent, -1) < round_
     }
+
+
+def elsewhere(
+    me: str, round_: int, neighbours: Collection[str], views: Iterable[ParameterHeader]
+) -> set[str]:
+    """Neighbours that exchange this round with others, not with ``me``: they will not answer.
+
+    Args:
+        me: own id.
+        round_: the round under way.
+        neighbours: those of this round.
+        views: newest header of each sender.
+    """
+    return {
+        header.agent
+        for header in views
+        if header.agent in neighbours and header.round >= round_ and me not in header.neighbours
+    }
+
+
+def strangers(
+    me: str, round_: int, neighbours: Collection[str], views: Iterable[ParameterHeader]
+) -> list[ParameterHeader]:
+    """Headers of those who wait for ``me`` in vain, as :func:`elsewhere` has it, and may be told.
+
+    One that is further on finds out by itself, or is told when this agent has come as far.
+    """
+    return [
+        header
+        for header in views
+        if header.agent not in neighbours and header.round <= round_ and me in header.neighbours
+    ]
 
 
 def out_of_time(

@@ -6,8 +6,8 @@
 #
 # Where an engine answers, it is used as it is, and the base image is pulled as anywhere.  On Debian 12
 # as root without an engine (a bare continuous integration machine), Docker is installed, and where no
-# image registry can be reached a stand-in for the base image is made of Debian and this machine's
-# Python.  Names and places may be set: DOCKER_UP_IMAGE, DOCKER_UP_STATE.
+# image registry can be reached a stand-in for the base image is made of this machine's own files.
+# Names and places may be set: DOCKER_UP_IMAGE, DOCKER_UP_STATE.
 set -euo pipefail
 
 image=${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}
@@ -68,36 +68,48 @@ start_engine() {
     cannot "dockerd does not come up, see $state/dockerd.log"
 }
 
+# A stand-in: this machine's own Debian packages (the essential ones, and the libraries of its Python),
+# file by file, and that Python; some seconds, nothing is fetched.
 make_image() {
     mkdir -p "$state"
     [ "$(id -u)" = 0 ] || cannot "\"$image\" can neither be pulled nor, without root, be made"
-    local minor python
+    command -v dpkg-query >/dev/null || cannot "\"$image\" cannot be pulled, and this is not Debian"
+    local minor python root
     minor=$(sed -n 's/^python:\(3\.[0-9]*\).*/\1/p' <<<"$image")
     python=$("python$minor" -c 'import sys; print(sys.base_prefix)' 2>/dev/null) || true
     case $python in ''|/usr) cannot "\"$image\" cannot be pulled, and there is no Python $minor to make it of";; esac
-    command -v mmdebstrap >/dev/null \
-        || DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends mmdebstrap >/dev/null
-    echo "making $image of Debian and $python"
+    echo "making $image of this machine's Debian and $python"
     work=$(mktemp -d)  # not local: the trap reads it at the end
     trap 'rm -rf "$work"' EXIT
-    tar -C "$python" -cf "$work/python.tar" --exclude='lib/python*/site-packages/*' --exclude='lib/python*/test' \
+    root=$work/root
+    mkdir -p "$root"/{dev,etc,opt,proc,root,run,sys,tmp,var/{cache,lib,tmp},usr/{bin,sbin,lib,lib64,local}}
+    chmod 1777 "$root/tmp" "$root/var/tmp"
+    local folder
+    for folder in bin sbin lib lib64; do ln -s "usr/$folder" "$root/$folder"; done
+    local kept=(libssl3 libffi8 libsqlite3-0 libreadline8 libncursesw6 libexpat1 libuuid1 libbz2-1.0 liblzma5
+        zlib1g libstdc++6 netbase passwd)
+    local essential
+    mapfile -t essential < <(dpkg-query -W -f '${Essential} ${Package}\n' | sed -n 's/^yes //p')
+    apt-cache depends --recurse --installed --important "${essential[@]}" "${kept[@]}" | grep '^[a-z]' \
+        | { xargs dpkg -L 2>/dev/null || true; } | sed -E 's#^/(bin|sbin|lib|lib64)/#/usr/\1/#' \
+        | grep -vE '^/(var|usr/share/(doc|man|info|locale|lintian|perl))/' | sort -u \
+        | while read -r path; do if [ -f "$path" ] || [ -L "$path" ]; then echo "${path#/}"; fi; done \
+        | tar -C / -cf - -T - | tar -C "$root" -xf -
+    cp "$root/usr/share/base-passwd/passwd.master" "$root/etc/passwd"
+    cp "$root/usr/share/base-passwd/group.master" "$root/etc/group"
+    mkdir -p "$root${bundle%/*}"
+    cp "$bundle" "$root$bundle"
+    tar -C "$python" -cf - --exclude='lib/python*/site-packages/*' --exclude='lib/python*/test' \
         --exclude='lib/python*/config-*' --exclude=__pycache__ --exclude='*.a' \
-        bin/python3 "bin/python$minor" lib include
-    cp "$bundle" "$work/bundle.crt"
-    local lean=() folder
-    for folder in man doc info locale; do lean+=(--dpkgopt="path-exclude=/usr/share/$folder/*"); done
-    TMPDIR=$work mmdebstrap --mode=root --variant=minbase --quiet "${lean[@]}" --dpkgopt=force-unsafe-io \
-        --include=ca-certificates,netbase,libssl3,libffi8,libsqlite3-0,libreadline8,libncursesw6,libexpat1,libuuid1,libbz2-1.0,liblzma5,zlib1g \
-        --customize-hook="tar-in $work/python.tar /usr/local" \
-        --customize-hook="upload $work/bundle.crt $bundle" \
-        --customize-hook='ln -sf python3 "$1/usr/local/bin/python"' \
-        --customize-hook='chroot "$1" ldconfig' \
-        --customize-hook='chroot "$1" python3 -m ensurepip >/dev/null' \
-        --customize-hook='ln -sf pip3 "$1/usr/local/bin/pip"' \
-        bookworm "$work/image.tar" "$mirror" >"$state/image.log" 2>&1 || cannot "mmdebstrap failed, see $state/image.log"
-    docker import --change 'ENV PATH=/usr/local/bin:/usr/local/sbin:/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8' \
-        --change "ENV PIP_CERT=$bundle SSL_CERT_FILE=$bundle PIP_DEFAULT_TIMEOUT=180 PIP_DISABLE_PIP_VERSION_CHECK=1" \
-        --change 'CMD ["python3"]' "$work/image.tar" "$image" >/dev/null
+        bin/python3 "bin/python$minor" lib include | tar -C "$root/usr/local" -xf -
+    ln -sf python3 "$root/usr/local/bin/python"
+    chroot "$root" ldconfig
+    chroot "$root" python3 -m ensurepip >"$state/image.log" 2>&1 || cannot "pip is missing in it, see $state/image.log"
+    ln -sf pip3 "$root/usr/local/bin/pip"
+    tar -C "$root" -c . \
+        | docker import --change 'ENV PATH=/usr/local/bin:/usr/local/sbin:/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8' \
+            --change "ENV PIP_CERT=$bundle SSL_CERT_FILE=$bundle PIP_DEFAULT_TIMEOUT=180 PIP_DISABLE_PIP_VERSION_CHECK=1" \
+            --change 'CMD ["python3"]' - "$image" >/dev/null
 }
 
 case ${1:-} in

@@ -87,12 +87,13 @@ class VehicleBody:
     def place(self, pose: Pose) -> None:
         """Be ready for an episode, wherever the environment would like to begin it.
 
-        The first time it takes off, and at home turns as the scene's start does; then it flies back
-        a little.
+        The first time it takes off, or goes on from where a lost agent left it in the air, and at
+        home turns as the scene's start does; then it flies back a little.
         """
         del pose
         if not self._trail:
-            self.drone.take_off(self._height)
+            if not self.drone.take_over():
+                self.drone.take_off(self._height)
             x, y, _ = self.drone.state.position
             self._turn(self._home[5] if math.hypot(x, y) < AT_HOME else self._yaw)
         else:

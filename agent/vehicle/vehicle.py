@@ -171,6 +171,32 @@ class Vehicle:
         )
         self._begin()
 
+    def take_over(self) -> bool:
+        """Go on with a drone that hangs in the air as a lost companion leaves it.
+
+        Returns:
+            False where it stands on the ground.
+
+        Raises:
+            VehicleError: it is in the air in another mode, so somebody else flies it.
+        """
+        self._talk.await_(
+            lambda s: (
+                s.landed is not None
+                and not math.isnan(s.attitude[2])
+                and time.monotonic() - s.position_at < self.timing.telemetry
+            ),
+            self.timing.ready,
+            "does not tell where it is",
+        )
+        if self.state.landed:
+            return False
+        left = {self.dialect.custom_mode(m) for m in (self.dialect.hold, self.dialect.guided)}
+        if self.state.custom_mode not in left:
+            raise VehicleError(f"{self.name} is flown by somebody else: expected it on the ground")
+        self.resume()
+        return True
+
     def fly_to(self, x: float, y: float, z: float, yaw: float) -> None:
         """Ask for a place [m, local NED] and a heading [rad]; returns at once."""
         place = self.limits.place_within(x, y, z, self._helm.home)

@@ -6,10 +6,11 @@ A viewer keeps :data:`MEMORY` and drops its oldest data beyond: an hour of a swa
 
 import os
 import socket
+import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,7 @@ MEMORY = "1500MB"  # of a viewer
 BUFFER = "300MB"  # for those who connect later: of a window's server; a browser's has MEMORY
 PICTURE_LIMIT = 60.0  # [s] for a picture; without a graphics card it is painted on the processor
 NOTICES = 5.0  # [s] for which a viewer shows what it has to say at its start, over the pictures
+GUARD = 'read end; kill -- "-$1"'  # a shell that waits until its input closes
 NO_DISPLAY = (
     "the viewer needs a display, and there is none: "
     "expected --save FILE.rrd, --web, or --headless --screenshot FILE.png"
@@ -84,8 +86,8 @@ def opened(config: SwarmFile, output: Output) -> Iterator[Recorder]:
     for file in (output.save, output.screenshot):
         if file is not None:
             _check_writable(file)
-    with rr.RecordingStream(f"swarm {config.name}") as stream:
-        viewer = _connect(stream, scene, output)
+    with rr.RecordingStream(f"swarm {config.name}") as stream, ExitStack() as guards:
+        viewer = _connect(stream, scene, output, guards)
         try:
             yield Recorder(stream, scene)
             if viewer is not None and output.screenshot is not None:
@@ -102,7 +104,9 @@ def opened(config: SwarmFile, output: Output) -> Iterator[Recorder]:
                 viewer.quit()
 
 
-def _connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> ViewerClient | None:
+def _connect(
+    stream: rr.RecordingStream, scene: Scene, output: Output, guards: ExitStack
+) -> ViewerClient | None:
     """Connect the stream to where it goes; returns the viewer that was started for it, if any."""
     if output.save is not None:
         stream.save(output.save, default_blueprint=scene.blueprint())
@@ -110,6 +114,8 @@ def _connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> Viewer
         _serve(stream, scene, output)
     else:
         viewer = _spawn(output.headless)
+        if output.headless:
+            guards.enter_context(_ends_with_us(viewer))
         try:
             stream.connect_grpc(viewer.url, default_blueprint=scene.blueprint())
             stream.flush(timeout_sec=FLUSH)
@@ -156,6 +162,24 @@ def _spawn(headless: bool) -> ViewerClient:
         )
     except RuntimeError as error:
         raise SwarmError(f"{NO_GRAPHICS if headless else NO_DISPLAY} ({error})") from None
+
+
+@contextmanager
+def _ends_with_us(viewer: ViewerClient) -> Iterator[None]:
+    """End a viewer that nobody sees even if we are killed outright.
+
+    A shell of its own session waits for its input to close, which the kernel does when we are gone.
+    """
+    group = str(viewer._pid)  # nobody else tells; it leads a process group
+    guard = subprocess.Popen(
+        ["sh", "-c", GUARD, "sh", group], stdin=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+    try:
+        yield
+    finally:
+        guard.kill()
+        guard.communicate()
 
 
 def _photograph(client: ViewerClient, path: Path) -> None:

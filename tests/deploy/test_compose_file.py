@@ -7,7 +7,8 @@ import msgspec
 import pytest
 
 from agent.config import AgentEntry, SwarmFile, Task, load
-from agent.estimators import Exact
+from agent.estimators import A2C, Exact
+from agent.policies import C3F2
 from deploy.compose import BODY, compose_file, in_containers
 from deploy.health import is_read
 from swarm.errors import ConfigError
@@ -48,6 +49,7 @@ def test_every_agent_has_a_container_a_vehicle_and_a_name_to_be_dialled(
         assert f'\n  d{i}-vehicle:\n    <<: *vehicle\n    command: ["--sysid", "{i + 1}"' in text
     assert text.count("build: {") == 3
     assert "\nname: test-1\n" in text
+    assert "image: dcpg-swarm-agent:tabular" in text
     found = inside(text, tmp_path / "swarm.json")
     assert found == in_containers(config)
     assert found.endpoint("d0") == "tcp/d0:7447"
@@ -74,6 +76,13 @@ def test_who_flies_a_vehicle_flies_the_one_beside_it(
     text = compose_file(config, "test.toml", ".")
     assert f'"--flavour", "{flavour}", "--scene", "indoor-long"]' in text
     assert 'WORLDS: "indoor-long"' in text
+
+
+def test_a_network_gets_the_image_with_pytorch() -> None:
+    config = msgspec.structs.replace(swarm_of("d0"), policy=C3F2(), estimator=A2C())
+    text = compose_file(config, "test.toml", ".")
+    assert "POLICY: neural" in text
+    assert "image: dcpg-swarm-agent:neural" in text
 
 
 def test_a_dollar_is_kept_from_compose(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ Rerun's viewer without a window paints on the processor (Debian: mesa-vulkan-dri
 
 import io
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from deploy.viewer.flights import POINTS, Trail
 from deploy.viewer.moments import Moment
 from deploy.viewer.outputs import opened
 from swarm.telemetry import FlightSample, RoundReport
+from tests.integration.harness import GRIDWORLD_A, swarm, until
 
 DRIVERS = Path("/usr/share/vulkan/icd.d")
 RED, BLUE = (200, 0, 0), (0, 0, 200)
@@ -71,12 +73,17 @@ def share(picture: Picture, colour: colours.Colour, tolerance: int = 40) -> floa
 
 
 @pytest.fixture(scope="module")
-def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Picture]]:
-    """A picture of every view by its name, and of the whole window under the name ""."""
+def graphics() -> None:
+    """What a viewer without a window paints with."""
     if not DRIVERS.is_dir():
         if os.environ.get("CI") == "true":
             pytest.fail(outputs.NO_GRAPHICS)
         pytest.skip(outputs.NO_GRAPHICS)
+
+
+@pytest.fixture(scope="module")
+def drawn(graphics: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Picture]]:
+    """A picture of every view by its name, and of the whole window under the name ""."""
     pictures: dict[str, Picture] = {}
     complaints: list[object] = []
 
@@ -137,6 +144,39 @@ def test_plots_have_a_line_of_each_agent(drawn: dict[str, Picture]) -> None:
             assert share(drawn[name], colours.of_agent(place)) > 0.0002, name
     theory = drawn["Consensus error, its decay and bound"]
     assert share(theory, colours.TROUBLE) > 0.0002
+
+
+def descendants(pid: int) -> set[int]:
+    """Processes that this one has started, and those that they have."""
+    try:
+        tasks = list(Path(f"/proc/{pid}/task").iterdir())
+        listed = [(task / "children").read_text(encoding="ascii") for task in tasks]
+    except OSError:
+        return set()
+    children = {int(child) for line in listed for child in line.split()}
+    return children.union(*(descendants(child) for child in children))
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process runs, and is not merely to be buried."""
+    try:
+        status = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[0] not in {"Z", "X"}
+
+
+@pytest.mark.integration
+def test_a_session_that_is_killed_leaves_no_viewer(graphics: None, tmp_path: Path) -> None:
+    arguments = ("view", GRIDWORLD_A, "--headless", "--screenshot", tmp_path / "never.png",
+                 "--seconds", "600", "--live")  # fmt: skip
+    with swarm(*arguments, cwd=tmp_path) as session:
+        session.says("watching swarm", 150.0)
+        started = descendants(session.process.pid)
+        assert any(b"headless" in Path(f"/proc/{pid}/cmdline").read_bytes() for pid in started)
+        session.process.send_signal(signal.SIGKILL)
+        session.wait()
+        until(lambda: not any(map(is_running, started)), f"end of {started}")
 
 
 def test_a_long_path_is_thinned_and_keeps_its_ends() -> None:

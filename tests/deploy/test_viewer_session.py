@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
@@ -51,7 +52,9 @@ def test_closing_the_viewer_ends_the_session(
     def broken(timeout_sec: float) -> None:
         raise RuntimeError("severed")
 
-    def connect(stream: rr.RecordingStream, scene: Scene, output: Output) -> None:
+    def connect(
+        stream: rr.RecordingStream, scene: Scene, output: Output, guards: ExitStack
+    ) -> None:
         stream.save(tmp_path / "instead.rrd")
         monkeypatch.setattr(stream, "flush", broken)
         monkeypatch.setattr(stream, "disconnect", lambda: monkeypatch.delattr(stream, "flush"))

@@ -1,12 +1,13 @@
 """Four drones in containers: they learn, lose one, lose the way to another, and heal.
 
 Builds the images of this tree and brings a whole compose file up, as a user does.  Needs Docker, or
-a Debian machine and root (``tests/docker-engine.sh``).
+a Debian machine and root (``tests/docker-engine.sh``).  ``pytest -s`` shows the time line.
 """
 
 import json
 import os
 import subprocess
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 
 ENGINE = ROOT / "tests" / "docker-engine.sh"
 PROJECT = "dcpg-test"
+HEALTHY = 180  # [s] to wait for; a calm machine needs a tenth of that
 MEMBERS = {f"drone{i}" for i in range(4)}
 SWARM = """
 name = "containers"
@@ -54,6 +56,7 @@ def call(*command: str | Path, limit: float = 120.0, check: bool = True) -> str:
 @pytest.fixture(scope="module")
 def engine() -> Iterator[None]:
     """Docker; ended again if it was started for this."""
+    begun = time.monotonic()
     running = subprocess.run(["docker", "version"], capture_output=True, check=False).returncode
     done = subprocess.run([ENGINE, "up"], capture_output=True, text=True, timeout=600, check=False)
     if done.returncode != 0:
@@ -61,15 +64,17 @@ def engine() -> Iterator[None]:
         if os.environ.get("CI") == "true":
             pytest.fail(reason)
         pytest.skip(reason)
+    print(f"{time.monotonic() - begun:6.1f} s  engine and base image", flush=True)
     yield
     if running != 0:
         call(ENGINE, "down")
 
 
 class Containers:
-    """The compose project of the test."""
+    """The compose project of the test; it tells how long each part takes."""
 
     def __init__(self, folder: Path) -> None:
+        self._since = time.monotonic()
         swarm, file, more = folder / "swarm.toml", folder / "compose.yaml", folder / "test.yaml"
         swarm.write_text(SWARM)
         file.write_text(compose_file(load(swarm), str(swarm), str(ROOT)))
@@ -82,6 +87,12 @@ class Containers:
 
     def __call__(self, *command: str, limit: float = 120.0) -> str:
         return call(*self._compose, *command, limit=limit)
+
+    def reached(self, what: str) -> None:
+        """A line of the time line."""
+        now = time.monotonic()
+        print(f"{now - self._since:6.1f} s  {what}", flush=True)
+        self._since = now
 
     def status(self) -> dict[str, Any]:
         """``swarm status --json``, asked from the viewer's container."""
@@ -111,8 +122,10 @@ def containers(engine: None, tmp_path: Path) -> Iterator[Containers]:
     """Built and up, all healthy; down at the end."""
     project = Containers(tmp_path)
     project("build", limit=600)
+    project.reached("images built")
     try:
-        project("up", "--detach", "--no-build", "--wait", "--wait-timeout", "180", limit=240)
+        project("up", "--detach", "--no-build", "--wait", "--wait-timeout", str(HEALTHY))
+        project.reached("nine containers up and healthy")
         yield project
     finally:
         with suppress(subprocess.TimeoutExpired):
@@ -133,24 +146,29 @@ def test_a_swarm_in_containers_learns_loses_members_and_heals(containers: Contai
         "a smaller consensus error after twice the rounds",
         120.0,
     )
+    containers.reached("twice the rounds, a smaller consensus error")
 
     # One is killed; the others go on, and it comes back to them.
     before = containers.rounds()
     containers("kill", "drone2")
     containers.go_on(MEMBERS - {"drone2"}, before)
+    containers.reached("one killed, the others go on")
     before = containers.rounds()
     containers("start", "drone2")
     containers.go_on(MEMBERS, before)
+    containers.reached("started again, all go on")
 
     # One is cut off; the others go on, and so does it, alone; then they meet again.
     network, container = f"{PROJECT}_swarm", f"{PROJECT}-drone3-1"
     before = containers.rounds()
     call("docker", "network", "disconnect", network, container)
     containers.go_on(MEMBERS - {"drone3"}, before)
+    containers.reached("one cut off, the others go on")
     before = containers.rounds()
     call("docker", "network", "connect", "--alias", "drone3", network, container)
     containers.go_on(MEMBERS, before)
     until(lambda: containers.status().get("health") == "healthy", "health")
+    containers.reached("connected again, all go on")
 
     # Nothing is left behind.
     containers("down", "--volumes", "--timeout", "3")
@@ -158,3 +176,4 @@ def test_a_swarm_in_containers_learns_loses_members_and_heals(containers: Contai
     for kind in ("container", "network", "volume"):
         everything = ["--all"] if kind == "container" else []
         assert call("docker", kind, "ls", "--quiet", *everything, "--filter", label) == ""
+    containers.reached("nothing is left")

@@ -40,7 +40,6 @@ def test_a_newcomer_gets_the_file_and_strangers_are_refused_on_both_sides(tmp_pa
             reports = list(RunFolder(came).reports("drone1"))
             assert reports[0].round > 20
             assert reports[-1].weights.keys() == {"drone0"}
-            assert reports[-1].one_sided == 0
 
         # Another layout: refused in one line, there and here.
         other: list[str | Path] = ["--id", "drone2", "--run", tmp_path / "other", *common[:-1]]

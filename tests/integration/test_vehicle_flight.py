@@ -164,8 +164,9 @@ def test_someone_else_taking_over_ends_in_a_landing(options: Options) -> None:
 
 
 def test_the_vehicle_holds_when_set_points_stop(options: Options) -> None:
-    """The agent dies in full flight; another connection sees the vehicle stand still."""
+    """The agent dies in full flight; the vehicle stands still, and the next agent goes on."""
     with Vehicle(f"udpin:{HOST}:{options.port}") as drone:
+        assert not drone.take_over()
         drone.take_off(2.0)
         until(
             drone,
@@ -177,7 +178,19 @@ def test_the_vehicle_holds_when_set_points_stop(options: Options) -> None:
         until(witness, lambda: math.hypot(*witness.state.velocity) < 0.05, "hold")
         assert witness.state.armed
         assert witness.state.position[2] == pytest.approx(-2.0, abs=0.4)
-        witness.land()
+        assert witness.take_over()
+        until(
+            witness,
+            lambda: witness.state.velocity[1] > 0.9,
+            "velocity again",
+            lambda: witness.fly_at(0.0, 1.0, 0.0, 0.0),
+        )
+        witness.set_mode(witness.dialect.land)
+    with (
+        Vehicle(f"udpin:{HOST}:{options.port}") as another,
+        pytest.raises(VehicleError, match="flown by somebody else"),
+    ):
+        another.take_over()
 
 
 def test_lost_telemetry_is_noticed(flavour: Flavour) -> None:

@@ -6,19 +6,30 @@ import pytest
 from swarm.inbox import KEPT, Box, Inbox
 from swarm.payload import PROTOCOL, Message, ParameterHeader
 from swarm.roster import Presence
-from swarm.timing import PATIENCE, Timing, awaited, deadline, out_of_time
+from swarm.timing import (
+    PATIENCE,
+    Timing,
+    awaited,
+    deadline,
+    elsewhere,
+    out_of_time,
+    strangers,
+)
+
+
+def header(agent: str, round_: int, *neighbours: str, incarnation: str = "1") -> ParameterHeader:
+    return ParameterHeader(
+        version=PROTOCOL,
+        fingerprint="",
+        agent=agent,
+        incarnation=incarnation,
+        round=round_,
+        neighbours=neighbours,
+    )
 
 
 def message(round_: int, incarnation: str = "1") -> Message:
-    header = ParameterHeader(
-        version=PROTOCOL,
-        fingerprint="",
-        agent="b",
-        incarnation=incarnation,
-        round=round_,
-        neighbours=(),
-    )
-    return Message(header, np.full(2, float(round_)))
+    return Message(header("b", round_, incarnation=incarnation), np.full(2, float(round_)))
 
 
 def test_wait_for_a_neighbour_that_is_here_and_has_not_answered() -> None:
@@ -30,6 +41,18 @@ def test_do_not_wait_for_the_gone_the_late_and_those_ahead() -> None:
     assert awaited(5, ["b"], {"b": 4}, set(), set()) == set()
     assert awaited(5, ["b"], {"b": 4}, {"b"}, {"b"}) == set()
     assert awaited(5, ["b"], {"b": 6}, {"b"}, set()) == set()
+
+
+def test_do_not_wait_for_those_who_exchange_with_others() -> None:
+    """Somebody has just come, or gone, and not everybody knows."""
+    views = [header("b", 5, "c"), header("c", 5, "a"), header("d", 4, "b")]
+    assert elsewhere("a", 5, ["b", "c", "d"], views) == {"b"}  # d may yet count us in round 5
+
+
+def test_tell_those_who_wait_in_vain() -> None:
+    views = [header("b", 5, "a"), header("c", 5, "a"), header("d", 6, "a"), header("e", 5, "b")]
+    assert [view.agent for view in strangers("a", 5, ["b"], views)] == ["c"]
+    assert [view.agent for view in strangers("a", 6, ["b"], views)] == ["c", "d"]
 
 
 def test_the_deadline_follows_the_rounds_within_floor_and_ceiling() -> None:
@@ -59,7 +82,9 @@ def test_an_inbox_gives_messages_by_round_and_the_newest() -> None:
     assert inbox.of_round(4, ["b", "c"])["b"].header.round == 4
     assert inbox.of_round(3, ["b"]) == {}
     assert inbox.newest(["b", "c"])["b"].header.round == 5
-    inbox.touch("c")
+    inbox.touch(header("c", 7))
+    inbox.touch(header("c", 6, "a"))  # overtaken on its way
+    assert {view.agent: view.round for view in inbox.views()} == {"b": 5, "c": 7}
     assert inbox.rounds() == {"b": 5, "c": -1}
     assert inbox.newest(["c"]) == {}
     assert set(inbox.heard()) == {"b", "c"}
