@@ -26,7 +26,7 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         round: when the slowest agent has come so far.
         kind: what.
         agents: to whom; ``["*"]`` for everybody.
-        apart: rounds between one of the agents and the next; 0: all at once.
+        apart: rounds between one of the agents and the next, at least; 0: all at once.
         seconds: for how long [s], where it lasts.
         probability: of ``loss``.
         kbit: of ``rate`` [kbit/s].

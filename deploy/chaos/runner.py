@@ -9,6 +9,8 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import msgspec
+
 from agent.config import SwarmFile
 from deploy.chaos.actions import Action, plan
 from deploy.chaos.clocks import Clocks
@@ -47,10 +49,10 @@ class Chaos:
         """
         if self.started is None:
             return []
-        for fault in list(self.faults):
-            if now - self.started >= fault.at and round_ >= fault.round:
-                self.faults.remove(fault)
-                self.due += [(now + action.at, action) for action in plan(fault, self.config)]
+        while (fault := self._next(now - self.started, round_)) is not None:
+            self.faults.remove(fault)
+            self._put_off(fault, round_)
+            self.due += [(now + action.at, action) for action in plan(fault, self.config)]
         self.due.sort(key=lambda entry: entry[0])
         labels = []
         while self.due and now >= self.due[0][0]:
@@ -65,6 +67,18 @@ class Chaos:
             if action.label:
                 labels.append(action.label)
         return labels
+
+    def _next(self, elapsed: float, round_: int) -> Fault | None:
+        """A fault whose time has come."""
+        ready = (f for f in self.faults if elapsed >= f.at and round_ >= f.round)
+        return next(ready, None)
+
+    def _put_off(self, begun: Fault, round_: int) -> None:
+        """Keep faults apart that come to one agent after the other, however long each lasts."""
+        for i, fault in enumerate(self.faults):
+            if begun.apart and (fault.kind, fault.apart) == (begun.kind, begun.apart):
+                due = round_ + (fault.round - begun.round)
+                self.faults[i] = msgspec.structs.replace(fault, round=max(fault.round, due))
 
     def undo(self, pids: Mapping[str, int]) -> None:
         """End what lasts: let stopped agents go on, lift the network's faults."""

@@ -32,8 +32,8 @@ FILES = Path(__file__).parents[1] / "chaos" / "files"
 FAULTS = ("kill", "restart", "freeze", "partition", "loss", "rate", "clock")
 UNDISTURBED = "none"
 AGENTS = (4, 8)  # from, to
-FIRST, APART = 1000, 500  # rounds: the faults begin; of a restart to the next (chaos files)
-AFTER = 1000  # rounds from the last restart to the end
+FIRST, EACH = 1000, 800  # rounds: the faults begin (chaos files); for an agent to be restarted
+AFTER = 1000  # rounds that are left then
 COSTS = {"kill": 0.5, "freeze": 3.0, "partition": 3.0}  # [s] most that a round may take, once
 REUNION = 20  # rounds in which the parts of a swarm must agree again
 MAY_RESTART = {"kill", "restart"}
@@ -65,7 +65,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
         SwarmError: this machine cannot make such hosts, or a run failed.
     """
     after = AFTER // (2 if options.quick else 1)
-    config = grid_swarm("a", agents, rounds=FIRST + APART * (agents - 1) + after)
+    config = grid_swarm("a", agents, rounds=FIRST + EACH * agents + after)
     runs = options.out / "runs"
     with hosts(agents + 1) as names:
         config = settle(config, names)
@@ -153,6 +153,9 @@ def claim(fault: str, end: Finished, calm: Finished, agents: int) -> Claim:
         holds = holds and was.reunion is not None and was.reunion <= REUNION
         ours.append(f"linked {was.reconnect:.1f} s after, agreed {was.reunion} rounds on"
                     if was.reconnect is not None else "never linked again")  # fmt: skip
+    if fault == "restart":
+        required.insert(0, f"{agents} restarts")
+        holds = holds and was.restarts == agents
     if fault not in MAY_RESTART:
         required.append("nobody restarted")
         holds = holds and was.restarts == 0

@@ -117,6 +117,27 @@ def test_a_star_names_everybody_and_apart_takes_them_in_turn(tmp_path: Path) -> 
     assert fault.agents == load(FILE).members
 
 
+def test_who_comes_back_late_puts_the_next_one_off(tmp_path: Path) -> None:
+    faults = [
+        Fault(round=100 + 50 * i, kind="restart", agents=(f"drone{i}",), apart=50) for i in range(3)
+    ]
+    chaos = Chaos(load(FILE), faults, Clocks(tmp_path, frozenset()), started=0.0)
+    assert chaos.advance(1.0, 100, {}) == ["restart drone0"]
+    assert chaos.advance(2.0, 190, {}) == ["restart drone1"]
+    assert chaos.advance(3.0, 239, {}) == []
+    assert chaos.advance(4.0, 240, {}) == ["restart drone2"]
+    assert chaos.advance(5.0, 999, {}) == []
+
+
+def test_of_those_that_are_due_at_once_only_the_first_comes(tmp_path: Path) -> None:
+    faults = [
+        Fault(round=100 + 50 * i, kind="restart", agents=(f"drone{i}",), apart=50) for i in range(3)
+    ]
+    chaos = Chaos(load(FILE), faults, Clocks(tmp_path, frozenset()), started=0.0)
+    assert chaos.advance(1.0, 500, {}) == ["restart drone0"]
+    assert chaos.advance(2.0, 600, {}) == ["restart drone1"]
+
+
 def test_a_clock_jumps_from_where_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(clocks, "library", lambda: Path("/lib/libfaketime.so"))
     held = Clocks(tmp_path / "clocks", frozenset({"drone1"}))
