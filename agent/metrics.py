@@ -4,10 +4,12 @@ Interface: :func:`serve_metrics`.  ``GET /metrics`` gives the numbers, ``GET /he
 the agent learns or has finished, 503 while it waits for its swarm or has stopped making progress.
 """
 
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 from swarm.errors import ConfigError, NetworkError
 from swarm.telemetry import AgentStatus, RoundReport
@@ -109,13 +111,20 @@ def serve_metrics(address: str, swarm: str, ask: Ask) -> Iterator[int]:
         def log_message(self, format: str, *args: object) -> None:  # noqa: A002
             """A scrape is not worth a line."""
 
+    class Server(ThreadingHTTPServer):
+        daemon_threads = True
+
+        def handle_error(self, request: Any, client_address: Any) -> None:
+            """A scraper that hangs up is not worth a line."""
+            if not isinstance(sys.exception(), ConnectionError | TimeoutError):
+                super().handle_error(request, client_address)
+
     try:
-        server = ThreadingHTTPServer(address_of(address), Handler)
+        server = Server(address_of(address), Handler)
     except OSError as error:
         raise NetworkError(
             f"metrics cannot listen on {address}: {error.strerror or error}"
         ) from None
-    server.daemon_threads = True
     thread = threading.Thread(target=server.serve_forever, name="metrics", daemon=True)
     thread.start()
     try:

@@ -10,6 +10,7 @@ import sys
 
 LIMIT = 2.0  # [s] for an answer
 METRICS, WEB, MAVLINK = 9464, 9090, 14580  # ports in the images
+ENOUGH = 65_536  # [bytes] of an answer
 UNREAD = 100_000  # [bytes] more than this in a socket's queue: nobody reads it any more
 
 
@@ -18,7 +19,8 @@ def answers(port: int, path: str) -> bool:
     try:
         with socket.create_connection(("127.0.0.1", port), LIMIT) as connection:
             connection.sendall(f"GET {path} HTTP/1.0\r\nHost: localhost\r\n\r\n".encode())
-            return connection.recv(16).split(b" ")[1:2] == [b"200"]
+            answer = connection.makefile("rb").read(ENOUGH)  # all of it, or the server complains
+            return answer.split(b" ")[1:2] == [b"200"]
     except OSError:
         return False
 

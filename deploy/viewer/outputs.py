@@ -1,7 +1,8 @@
 """Where a session goes: a window, a browser, a file, a picture.
 
 Interface: :class:`Output` (what was asked for) and :func:`opened` (a recorder that leads there).
-A viewer keeps :data:`MEMORY` and drops its oldest data beyond: an hour of a swarm is no problem.
+A viewer keeps :data:`MEMORY` and drops its oldest data beyond, so that an hour of four drones stays
+under 2 GB with all processes together (``tests/bench/viewer.py``).
 """
 
 import os
@@ -22,8 +23,8 @@ from deploy.viewer.drawing import Scene
 from deploy.viewer.recorder import FLUSH, Recorder, StreamBrokenError
 from swarm.errors import ConfigError, NetworkError, SwarmError
 
-MEMORY = "1500MB"  # of a viewer
-BUFFER = "300MB"  # for those who connect later: of a window's server; a browser's has MEMORY
+MEMORY = "1000MB"  # of data in a viewer; it takes some 200 MB beside
+BUFFER = "50MB"  # for those who connect later: nobody to a window's server; a browser's has MEMORY
 PICTURE_LIMIT = 60.0  # [s] for a picture; without a graphics card it is painted on the processor
 NOTICES = 5.0  # [s] for which a viewer shows what it has to say at its start, over the pictures
 GUARD = 'read end; kill -- "-$1"'  # a shell that waits until its input closes

@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-PARTS = ("indoor", "vehicle", "learning", "exchange", "fleet")
+PARTS = ("indoor", "vehicle", "learning", "exchange", "fleet", "viewer")
 
 for part in PARTS:
     import_module(f"tests.bench.{part}").main()
