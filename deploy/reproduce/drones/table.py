@@ -16,7 +16,6 @@ from deploy.reproduce.drones.training import assess, train
 from sim.indoor.scenes import NAMES, TRAINED, UNSEEN
 
 EPISODE = 150  # steps; what an episode is taken to be where a budget counts episodes
-JUDGED: Mode = "stochastic"  # the policy as it was learned; the greedy one stands beside it
 
 # Table 1 of the paper, means: SA-0 to SA-3, DCPG, in Env 0 to 3.
 PAPER = {
@@ -64,10 +63,12 @@ def study(
         for run in five:
             tell(f"{run.label}: {run.steps:,} steps in {run.seconds:.0f} s")
         found = _compare(five)
-        claims += _claims(estimator, found[JUDGED])
+        for mode in MODES:
+            claims += _claims(estimator, mode, found[mode])
         data[estimator] = _record(five, found)
         runs += five
-    claims.append(_cells({name: np.array(data[name][JUDGED]) for name in estimators}))
+    for mode in MODES:
+        claims.append(_cells(mode, {name: np.array(data[name][mode]) for name in estimators}))
     return Findings(
         title=f"Drones: mean safe flight, {budget:,} steps of every drone, {flights} flights",
         claims=claims,
@@ -76,8 +77,8 @@ def study(
             "parameters. All runs of an estimator have the same settings and the same number of "
             "steps of every drone; only Adam's step is 4e-4 in the swarm of four and 1e-4 (the "
             "paper's) alone, because the mean of four agents' steps is what moves a swarm.",
-            f"Judged are flights that draw actions from the policy ({JUDGED}); the greedy ones "
-            "stand in the JSON file and in the matrices of `swarm eval`.",
+            "The paper does not say how its policies chose when they were judged: stochastic "
+            "flights draw every action from the policy, greedy ones take the likeliest.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
         ],
         data=data,
@@ -99,7 +100,7 @@ def _compare(five: Sequence[Run]) -> dict[Mode, Matrix]:
     }
 
 
-def _claims(estimator: str, found: Matrix) -> list[Claim]:
+def _claims(estimator: str, mode: Mode, found: Matrix) -> list[Claim]:
     seen = len(TRAINED)
     paper = np.array(PAPER[estimator])
     claims = []
@@ -110,11 +111,11 @@ def _claims(estimator: str, found: Matrix) -> list[Claim]:
         unseen = " ".join(f"{v:.1f}" for v in row[seen:])
         print_ = " ".join(f"{v:.1f}" for v in theirs) + f", sum {theirs.sum():.1f}"
         text = f"{ours}, sum {row[:seen].sum():.1f}; unseen {unseen}"
-        claims.append(Claim(f"{estimator} {name} [m]", print_, "", text, holds=True))
+        claims.append(Claim(f"{estimator}, {mode}: {name} [m]", print_, "", text, holds=True))
     sums, printed = found[:, :seen].sum(axis=1), paper.sum(axis=1)
     claims.append(
         bounded(
-            f"{estimator} DCPG's sum / best SA's",
+            f"{estimator}, {mode}: DCPG's sum / best SA's",
             float(sums[-1] / sums[:-1].max()),
             low=2.5,
             paper=f"{printed[-1] / printed[:-1].max():.1f}",
@@ -122,11 +123,12 @@ def _claims(estimator: str, found: Matrix) -> list[Claim]:
     )
     margin = found[-1, seen:] / found[:-1, seen:].max(axis=0)
     for name, ratio in zip(UNSEEN, margin, strict=True):
-        claims.append(bounded(f"{estimator} unseen {name}: DCPG / best SA", float(ratio), low=1.0))
+        what = f"{estimator}, {mode}: unseen {name}, DCPG / best SA"
+        claims.append(bounded(what, float(ratio), low=1.0))
     return claims
 
 
-def _cells(found: dict[str, Matrix]) -> Claim:
+def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
     """In how many worlds the swarm flies nearly as far as who learned there alone."""
     ratios = np.array([m[-1, : len(TRAINED)] / np.diag(m)[: len(TRAINED)] for m in found.values()])
     good, cells = int((ratios >= 0.9).sum()), ratios.size
@@ -136,7 +138,7 @@ def _cells(found: dict[str, Matrix]) -> Claim:
         for name, row in zip(found, ratios, strict=True)
     )
     return Claim(
-        "cells where DCPG >= 0.9 of SA-i in world i",
+        f"{mode}: cells where DCPG >= 0.9 of SA-i in world i",
         "11 of 12",
         f">= {need} of {cells}",
         f"{good} of {cells} ({listed})",

@@ -77,11 +77,11 @@ def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool
     told: list[str] = []
     found = table.study(options, ["ppo"], 4 * 1024, root=root, tell=told.append)
     claims = {claim.what: claim for claim in found.claims}
-    ratio = claims["ppo DCPG's sum / best SA's"]
+    ratio = claims["ppo, greedy: DCPG's sum / best SA's"]
     assert ratio.ours == f"{4 * swarm / 95.0:.3f}"
     assert ratio.paper == "2.8"
     assert ratio.holds == good
-    cells = claims["cells where DCPG >= 0.9 of SA-i in world i"]
+    cells = claims["stochastic: cells where DCPG >= 0.9 of SA-i in world i"]
     assert cells.ours.startswith("4 of 4" if good else "0 of 4")
     assert cells.holds == good
     assert len(told) == 5
