@@ -124,7 +124,8 @@ def containers(engine: None, tmp_path: Path) -> Iterator[Containers]:
     project("build", limit=600)
     project.reached("images built")
     try:
-        project("up", "--detach", "--no-build", "--wait", "--wait-timeout", str(HEALTHY))
+        wait = ("--wait", "--wait-timeout", str(HEALTHY))
+        project("up", "--detach", "--no-build", *wait, limit=HEALTHY + 60)
         project.reached("nine containers up and healthy")
         yield project
     finally:
