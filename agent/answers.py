@@ -31,6 +31,7 @@ class Life:
         state: ``waiting`` for the swarm, ``learning``, ``finished``.
         at: where it is.
         report: of the newest round.
+        reported: monotonic time at its end [s]; wall clocks jump.
         history: what it remembers.
         unwritten: newest checkpoints that are in memory only.
     """
@@ -38,6 +39,7 @@ class Life:
     state: str
     at: Checkpoint
     report: RoundReport | None = None
+    reported: float = 0.0
     history: History = field(default_factory=History)
     unwritten: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=UNWRITTEN))
 
@@ -88,7 +90,7 @@ def health(
     """
     report = life.report
     patience = rounds.config.timing.round + SLOW * (report.seconds if report else 0.0)
-    stuck = report is not None and time.time() - report.time > patience
+    stuck = report is not None and time.monotonic() - life.reported > patience
     well = life.state == "finished" or (life.state == "learning" and not stuck)
     return status_of(life, rounds, incarnation), report, well
 

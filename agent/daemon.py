@@ -187,7 +187,7 @@ def _play(
     sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
     detailed = sparse or telemetry.due() or life.history.due(at.round)
     report = _report(rounds, at, outcome, time.monotonic() - start, detailed)
-    life.report = report
+    life.report, life.reported = report, time.monotonic()
     life.history.take(report)
     telemetry.put(report)
     kept = report if sparse else msgspec.structs.replace(report, sketch=(), route=())
