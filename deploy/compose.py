@@ -30,7 +30,7 @@ SYSTEMS = 250  # MAVLink system ids are 1 to 250 for vehicles
 HEAD = Template("""\
 # Written by: swarm compose $source
 #
-#   docker compose up --build --wait    # healthy within a minute, once the images are built
+#   docker compose up --build --wait    # builds, starts, returns when all are healthy
 #   docker compose exec viewer swarm status /etc/swarm/swarm.json
 #   docker compose down --volumes       # without --volumes the next `up` goes on where this ended
 #
