@@ -149,7 +149,10 @@ def take_turns(groups: dict[str, Group], kinds: dict[str, str]) -> Times:
     for turn in range(TURNS + 1):
         for label, what in kinds.items():
             steps = 1 if label == SLOW else BURST[what]
-            took = groups.get(label, groups["ours"]).burst(what, steps)
+            try:
+                took = groups.get(label, groups["ours"]).burst(what, steps)
+            except TimeoutError:
+                sys.exit(f"{PEERS.get(label, label)}: no answer to {what} within {LIMIT:.0f} s")
             if turn:  # the first warms up
                 times[label].append(took)
     return times
