@@ -96,6 +96,8 @@ def fetch_config(
     config = read(received, settings, where)
     security = config.network.security.beside(Path())
     config = replace(config, network=replace(config.network, security=security))
+    if config.name != swarm:
+        raise ConfigError(f'{where}: name = "{config.name}": expected "{swarm}", as asked for')
     config.index(agent)
     for entry in config.agents:
         check_task(entry.task, where)

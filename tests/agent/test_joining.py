@@ -135,6 +135,12 @@ def test_a_bad_file_is_one_line(answers: list[Answer], text: bytes, words: str) 
         fetch_config("gridworld-a", "drone1", ["tcp/127.0.0.1:1"])
 
 
+def test_the_file_of_another_swarm_is_not_taken(answers: list[Answer]) -> None:
+    answers.append(Answer("drone0", offer(1, ("name=b",))))
+    with pytest.raises(ConfigError, match='name = "b": expected "gridworld-a"'):
+        fetch_config("gridworld-a", "drone1", ["tcp/127.0.0.1:1"])
+
+
 def test_one_who_is_not_in_the_file_is_told(answers: list[Answer]) -> None:
     answers.append(Answer("drone0", offer(1)))
     with pytest.raises(ConfigError, match='has no agent "drone9"'):
