@@ -84,7 +84,7 @@ def configuration(
         "connect/exit_on_failure": False,
         "connect/retry": {
             "period_init_ms": 100,
-            "period_max_ms": 1000,
+            "period_max_ms": 300,
             "period_increase_factor": 1.5,
         },
         "scouting/multicast/enabled": network.discovery == "multicast",

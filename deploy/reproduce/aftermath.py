@@ -2,16 +2,17 @@
 
 Interface: :func:`examine` turns a :class:`Trace` into an :class:`Aftermath`.
 
-The swarm is *whole* in a round that every agent played with all its neighbours, and has *agreed*
-when it is whole and nobody is farther from a neighbour than :data:`TOLERATED` times what is usual
-in a run without faults.
+The swarm is *whole* in a round that every agent played with all its neighbours, and *linked* in one
+in which what was mixed leads from every agent to every other.  It has *agreed* when nobody is
+farther from a neighbour than :data:`TOLERATED` times what is usual in a run without faults.
 """
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import mean, median
 
+import networkx as nx
 import numpy as np
 
 from deploy.chaos.faults import Fault
@@ -52,10 +53,10 @@ class Aftermath:
         slow: most rounds over :data:`SLOW` of any single agent.
         during: mean round while the faults lasted [s].
         absence: rounds from the end of the faults (kill, restart: their beginning) until the swarm
-            has agreed; None if it never does.
-        reunion: from the first round in which both sides hear each other until the swarm has
-            agreed; None where it never does, or nothing was cut.
-        reconnect: from the end of the faults until then [s]; likewise.
+            is whole and has agreed; None if it never is.
+        reunion: from the first round in which both sides hear each other until the swarm is linked
+            and has agreed; None where it never is, or nothing was cut.
+        reconnect: from the end of the faults until that first round [s]; likewise.
         restarts: of agents by the launcher.
         repeated: rounds that an agent played twice.
         one_sided: edges that one end mixed and the other, in the same round, did not.
@@ -91,15 +92,16 @@ def examine(trace: Trace, first: int, tolerated: float) -> Aftermath:
     meanwhile = [
         r.seconds for reports in spared.values() for r in reports if began <= r.round <= resumed
     ]
-    agreed = agreement(trace, _broken(trace, resumed), tolerated)
+    well = agreement(disagreement(trace), _broken(trace, resumed), tolerated)
     met = _meeting(trace, resumed)
+    agreed = None if met is None else agreement(disagreement(trace, linked), met.round, tolerated)
     return Aftermath(
         usual=median(r.seconds for reports in trace.reports.values() for r in reports),
         longest=max(seconds[0] for seconds in after.values()),
         following=max(seconds[1] for seconds in after.values()),
         slow=max(sum(s > SLOW for s in seconds) for seconds in after.values()),
         during=mean(meanwhile),
-        absence=None if agreed is None else agreed - resumed,
+        absence=None if well is None else well - resumed,
         reunion=None if agreed is None or met is None else agreed - met.round,
         reconnect=None if met is None else max(0.0, met.time - ended),
         restarts=sum("starts again from" in event.text for event in trace.events),
@@ -108,17 +110,29 @@ def examine(trace: Trace, first: int, tolerated: float) -> Aftermath:
     )
 
 
-def disagreement(trace: Trace) -> dict[int, float]:
-    """Largest distance between neighbours in every round in which the swarm is whole."""
+def whole(trace: Trace, reports: Sequence[RoundReport]) -> bool:
+    """Whether in this round everybody mixed with all its neighbours."""
+    return all(report.weights.keys() == trace.neighbours[report.agent] for report in reports)
+
+
+def linked(_: Trace, reports: Sequence[RoundReport]) -> bool:
+    """Whether what was mixed in this round leads from every agent to every other."""
+    edges = [(report.agent, other) for report in reports for other in report.weights]
+    return bool(nx.is_connected(nx.Graph([*edges, *((r.agent, r.agent) for r in reports)])))
+
+
+def disagreement(
+    trace: Trace, counts: Callable[[Trace, Sequence[RoundReport]], bool] = whole
+) -> dict[int, float]:
+    """Largest distance between agents that mixed, in every round that all played and ``counts``."""
     by_round: dict[int, list[RoundReport]] = {}
-    for agent, reports in trace.reports.items():
+    for reports in trace.reports.values():
         for report in reports:
-            if report.weights.keys() == trace.neighbours[agent]:
-                by_round.setdefault(report.round, []).append(report)
+            by_round.setdefault(report.round, []).append(report)
     return {
         round_: max(report.disagreement for report in reports)
         for round_, reports in sorted(by_round.items())
-        if len(reports) == len(trace.neighbours)
+        if len(reports) == len(trace.neighbours) and counts(trace, reports)
     }
 
 
@@ -128,10 +142,9 @@ def usual_disagreement(undisturbed: Trace, first: int) -> float:
     return float(np.quantile(found, USUAL))
 
 
-def agreement(trace: Trace, since: int, tolerated: float) -> int | None:
-    """First round from ``since`` on in which the swarm has agreed."""
-    found = disagreement(trace).items()
-    return next((r for r, apart in found if r >= since and apart <= tolerated), None)
+def agreement(apart: Mapping[int, float], since: int, tolerated: float) -> int | None:
+    """First round from ``since`` on in which the swarm has agreed, given its disagreement."""
+    return next((r for r, distance in apart.items() if r >= since and distance <= tolerated), None)
 
 
 def repeated(reports: Reports) -> int:
@@ -184,11 +197,9 @@ def _broken(trace: Trace, since: int) -> int:
     """First round without those who were ended, whose absence begins with the fault."""
     if not any(fault.kind in {"kill", "restart"} for fault in trace.faults):
         return since
-    whole, last = (
-        disagreement(trace),
-        max(r.round for played in trace.reports.values() for r in played),
-    )
-    return next((round_ for round_ in range(since, last) if round_ not in whole), since)
+    complete = disagreement(trace)
+    last = max(r.round for played in trace.reports.values() for r in played)
+    return next((round_ for round_ in range(since, last) if round_ not in complete), since)
 
 
 def _meeting(trace: Trace, since: int) -> RoundReport | None:

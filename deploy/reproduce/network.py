@@ -176,7 +176,8 @@ def _notes(done: dict[str, Finished], tolerated: float) -> list[str]:
         "Back: rounds that the others play from the end of the fault (kill, restart: from its "
         "beginning, so the start of a process is in it) until every agent mixes with all its "
         f"neighbours and nobody is farther than {tolerated:.2f} from one, {TIMES} times what is "
-        "usual without faults.",
+        "usual without faults.  Agreed: likewise, as soon as what is mixed leads from every agent "
+        "to every other; links come back one by one.",
         f"Edges of a round that one end mixed and the other did not: {edges}.",
     ]
 

@@ -10,6 +10,7 @@ from deploy.reproduce.aftermath import (
     agreement,
     disagreement,
     examine,
+    linked,
     one_sided,
     repeated,
     usual_disagreement,
@@ -78,13 +79,14 @@ def test_the_parts_of_a_swarm_agree_some_rounds_after_they_meet() -> None:
             *played(agent, range(5)),
             *played(agent, range(5, 13), weights={}),
             *played(agent, range(13, 16), disagreement=3.0),
-            *played(agent, range(16, 20), disagreement=0.23),
+            *played(agent, range(16, 18), disagreement=0.23, weights={other: 0.5}),
+            *played(agent, range(18, 20), disagreement=0.23),
         ]
-        for agent in NEAR
+        for agent, other in [("a", "b"), ("b", "c"), ("c", "b")]
     }
     found = examine(trace(fault, events=events, **reports), first=0, tolerated=0.24)
-    assert found.absence == 16 - 11  # round 11 was over when the cut was mended
-    assert found.reunion == 16 - 13
+    assert found.absence == 18 - 11  # round 11 was over when the cut was mended
+    assert found.reunion == 16 - 13  # over b alone
     assert found.reconnect == pytest.approx(1.4 - 1.25)
 
 
@@ -140,8 +142,16 @@ def test_disagreement_counts_where_the_swarm_is_whole() -> None:
     assert 7 not in found
     assert (found[4], found[5]) == (0.2, 0.5)
     assert usual_disagreement(trace(a=reports), first=5) == 0.5
-    assert agreement(trace(a=reports), since=2, tolerated=0.3) == 2
-    assert agreement(trace(a=reports), since=5, tolerated=0.3) is None
+    assert agreement(found, since=2, tolerated=0.3) == 2
+    assert agreement(found, since=5, tolerated=0.3) is None
+
+
+def test_a_swarm_is_linked_while_somebody_passes_everything_on() -> None:
+    a, c = (played(x, range(5), weights={"b": 0.5}, disagreement=0.7) for x in "ac")
+    assert disagreement(trace(a=a, c=c)) == {}
+    assert disagreement(trace(a=a, c=c), linked)[4] == 0.7
+    a, b = played("a", range(5), weights={}), played("b", range(5), weights={"c": 0.5})
+    assert disagreement(trace(a=a, b=b, c=c), linked) == {}
 
 
 def test_a_round_played_twice_and_an_edge_used_by_one_end_are_counted() -> None:
