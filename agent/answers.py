@@ -56,7 +56,7 @@ def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:
         incarnation=incarnation,
         pid=os.getpid(),
         state=life.state,
-        round=life.at.round,
+        round=int(rounds.config.progress(life.at)),
         rounds=rounds.config.rounds,
         neighbours=nearby,
         value=report.value if report else None,

@@ -33,6 +33,7 @@ class Checkpoint:
         mixing: vectors of the mixing rule.
         optimizer: vectors of the optimiser.
         episodes, steps: flown so far.
+        learned: so far [rounds], in a swarm without common rounds; see :mod:`swarm.staleness`.
     """
 
     round: int
@@ -42,6 +43,7 @@ class Checkpoint:
     optimizer: dict[str, Vector] = field(default_factory=dict)
     episodes: int = 0
     steps: int = 0
+    learned: float = 0.0
 
 
 def path_of(folder: Path, round_: int) -> Path:
@@ -64,6 +66,7 @@ def write(folder: Path, checkpoint: Checkpoint) -> Path:
         "fingerprint": checkpoint.fingerprint,
         "episodes": str(checkpoint.episodes),
         "steps": str(checkpoint.steps),
+        "learned": repr(checkpoint.learned),
     }
     final = path_of(folder, checkpoint.round)
     draft = final.with_suffix(".draft")
@@ -103,6 +106,7 @@ def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
             optimizer=_under("optimizer.", tensors),
             episodes=int(notes["episodes"]),
             steps=int(notes["steps"]),
+            learned=float(notes.get("learned", 0.0)),
         )
     except FileNotFoundError:
         raise CheckpointError(f'no checkpoint "{path}"') from None

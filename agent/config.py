@@ -6,7 +6,7 @@ before anything starts.
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Protocol
 
 import msgspec
 from msgspec.structs import replace
@@ -93,6 +93,15 @@ class Training(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     threads: Count = 1
 
 
+class Reached(Protocol):
+    """What tells how far an agent has come; see :attr:`SwarmFile.pace`."""
+
+    @property
+    def round(self) -> int: ...
+    @property
+    def learned(self) -> float: ...
+
+
 class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """One experiment.
 
@@ -108,8 +117,9 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
         pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it takes
-            what has come, nobody waits, and the first to finish ends the run for all.  A task
-            weighs as much as its agent is fast; a slow one may find its task settled without it.
+            what has come, and nobody waits.  ``rounds`` then counts what is learned: who is fast
+            plays more rounds with smaller steps (:mod:`swarm.staleness`).
+        staleness: with ``async``, how far an agent may be ahead of a neighbour [rounds].
         start_mixing: start distribution early on.
         loss: messages lost on purpose.
         network: how agents reach each other.
@@ -128,6 +138,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     mixing: Mixing = Mixing()
     topology: Topology = Topology()
     pace: Literal["sync", "async"] = "sync"
+    staleness: Annotated[float, msgspec.Meta(ge=1)] = 16.0
     start_mixing: StartMixing = StartMixing()
     loss: Loss = Loss()
     network: Network = Network()
@@ -143,6 +154,10 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def mixes_moments(self) -> bool:
         """Whether the optimiser's moments travel with the parameters."""
         return isinstance(self.optimizer, Adam) and self.optimizer.mix_moments
+
+    def progress(self, of: Reached) -> float:
+        """How far a checkpoint or a report has come on the way to ``rounds``."""
+        return of.learned if self.pace == "async" else of.round
 
     def index(self, agent: str) -> int:
         """Place of an agent in the file.
@@ -200,12 +215,19 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
                     f'agents.{i}.id = "{agent.id}" is also the id of agents.{first}: '
                     "expected ids that differ"
                 )
+        _check_pace(config)
         _check_training(config)
         _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
     return config
+
+
+def _check_pace(config: SwarmFile) -> None:
+    """No mixed moments where steps are scaled: they would be no step's."""
+    if config.pace == "async" and config.mixes_moments:
+        raise ConfigError('optimizer.mix_moments = true: expected pace = "sync" with it')
 
 
 def _check_training(config: SwarmFile) -> None:

@@ -41,6 +41,7 @@ from swarm.session import open_session
 from swarm.telemetry import RoundReport, TelemetryPublisher
 
 log = logging.getLogger(__name__)
+SETTLING = 20  # rounds of mixing alone at the end of an asynchronous swarm
 SKETCHES = 200  # sketches and routes in the metrics file of one run
 
 
@@ -112,7 +113,7 @@ def run_agent(
         learner.attendance = Attendance(stop.is_set, spotter.see)
         refusals.check()
         roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
-        life.at = _catch_up(exchange, first)
+        life.at = _catch_up(config, exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
         learner_state |= life.at.optimizer
         exchange.serve_state(lambda: _state(life.at, rounds))
@@ -137,7 +138,7 @@ def run_agent(
                 config.timing.start,
             )
         life.state = "learning"
-        while life.at.round < config.rounds and not stop.is_set():
+        while config.progress(life.at) < config.rounds and not stop.is_set():
             _play(config, rounds, life, folder, telemetry, metrics)
             systemd.alive(f"round {life.at.round} of {config.rounds}")
         systemd.stopping()
@@ -149,7 +150,11 @@ def run_agent(
             life.state = "finished"
             if life.report is not None:
                 telemetry.put(life.report, always=True)
-            _see_neighbours_finish(rounds, life)
+            if config.pace == "async":
+                _follow_neighbours(rounds, life)
+                checkpoint.write(folder.checkpoints(agent), life.at)
+            else:
+                _see_neighbours_finish(rounds, life)
             log.info("round %d: finished", life.at.round)
     return life.at.round
 
@@ -164,7 +169,7 @@ def _play(
 ) -> None:
     """Play one round; keep and tell what it gave."""
     at, start = life.at, time.monotonic()
-    outcome = rounds.play(at.round, at.theta)
+    outcome = rounds.play(at.round, at.theta, at.learned)
     if outcome is None:
         return
     if outcome.next_round > at.round + 1:
@@ -177,8 +182,9 @@ def _play(
         optimizer=dict(rounds.learner.optimizer_state),
         episodes=at.episodes + outcome.step.episodes,
         steps=at.steps + outcome.step.steps,
+        learned=outcome.learned,
     )
-    last = life.at.round >= config.rounds
+    last = config.progress(life.at) >= config.rounds
     if last or life.at.round % config.checkpoint_every == 0:
         checkpoint.write(folder.checkpoints(rounds.agent), life.at)
         life.unwritten.clear()
@@ -215,6 +221,7 @@ def _report(
         one_sided=rounds.ledger.one_sided,
         sketch=tuple(sketch(at.theta).tolist()) if detailed else (),
         route=rounds.learner.route(at.theta) if detailed else (),
+        learned=outcome.learned,
     )
 
 
@@ -247,24 +254,31 @@ def _first_checkpoint(
     return Checkpoint(0, layout.fingerprint, learner.initial())
 
 
-def _catch_up(exchange: Exchange, own: Checkpoint) -> Checkpoint:
+def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpoint:
     """Join the swarm where it is: parameters and round of the neighbour that is furthest on."""
     newest = exchange.fetch_state()
-    if newest is None or newest.header.round <= own.round:
+    if newest is None or config.progress(newest.header) <= config.progress(own):
         return own
+    header = newest.header
     log.info(
         "round %d: joining at round %d with the parameters of %s",
         own.round,
-        newest.header.round,
-        newest.header.agent,
+        header.round,
+        header.agent,
     )
     # What the mixing rule remembers belongs to the old parameters: begin it anew.
-    return replace(own, round=newest.header.round, theta=newest.vector.copy(), mixing={})
+    return replace(
+        own,
+        round=max(own.round, header.round),
+        theta=newest.vector.copy(),
+        mixing={},
+        learned=header.learned,
+    )
 
 
-def _state(at: Checkpoint, rounds: Rounds) -> tuple[int, tuple[str, ...], bytes]:
+def _state(at: Checkpoint, rounds: Rounds) -> tuple[int, float, tuple[str, ...], bytes]:
     """What a joiner asks for, all of one round although the rounds go on meanwhile."""
-    return at.round, rounds.neighbours(), at.theta.tobytes()
+    return at.round, at.learned, rounds.neighbours(), at.theta.tobytes()
 
 
 def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
@@ -274,6 +288,23 @@ def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
     rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
     limit = rounds.config.timing.finish
     rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
+
+
+def _follow_neighbours(rounds: Rounds, life: Life) -> None:
+    """Go on mixing until the neighbours have learned all, or learn no more, and a little longer."""
+    learning, since = rounds.still_learning(), time.monotonic()
+    while learning and not rounds.stop.is_set():
+        theta = rounds.follow(life.at.round, life.at.theta)
+        life.at = replace(life.at, round=life.at.round + 1, theta=theta)
+        before, learning = learning, rounds.still_learning()
+        if learning != before:
+            since = time.monotonic()
+        elif time.monotonic() > since + rounds.config.timing.round:
+            break
+    for _ in range(SETTLING):
+        if not rounds.stop.is_set():
+            theta = rounds.follow(life.at.round, life.at.theta)
+            life.at = replace(life.at, round=life.at.round + 1, theta=theta)
 
 
 def _open_metrics(path: Path, begin: int) -> BinaryIO:

@@ -7,13 +7,14 @@
     ->  gather the neighbours' theta_k  ->  mix, add the step: theta_{k+1}
     ->  compare accounts with the neighbours
 
-Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.  An
-asynchronous swarm takes the newest that is there and waits for nobody.
+Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.  In an
+asynchronous swarm an agent takes the newest that is there, waits for nobody, and learns as much of
+its step as :mod:`swarm.staleness` grants; there are no accounts to compare.
 """
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from swarm.ledger import Ledger
 from swarm.loss import edge_counts
 from swarm.mixing import Mixer
 from swarm.roster import Roster
+from swarm.staleness import share_to_learn
 from swarm.topology import lazy_metropolis, neighbours
 
 
@@ -35,6 +37,7 @@ class Outcome:
     Attributes:
         theta: parameters of the next round.
         next_round: its number; more than one on after falling behind.
+        learned: so far [rounds], in an asynchronous swarm.
         step: what was learned.
         weights: W_ij by neighbour whose parameters were mixed in.
         missing: neighbours without a message that counts.
@@ -44,6 +47,7 @@ class Outcome:
 
     theta: Vector
     next_round: int
+    learned: float
     step: Step
     weights: dict[str, float]
     missing: tuple[str, ...]
@@ -83,33 +87,43 @@ class Rounds:
         here = tuple(m for m in self.config.members if m == self.agent or m in present)
         return neighbours(self.config.topology, here, self.agent)
 
-    def play(self, round_: int, theta: Vector) -> Outcome | None:
-        """Play one round from ``theta``; None when told to stop in the middle of it."""
+    def play(self, round_: int, theta: Vector, learned: float = 0.0) -> Outcome | None:
+        """Play one round from ``theta``; None when told to stop in the middle of it.
+
+        Args:
+            round_: its number.
+            theta: (d,) parameters.
+            learned: so far [rounds], in an asynchronous swarm.
+        """
         try:
-            return self._play(round_, theta)
+            return self._play(round_, theta, learned)
         except Stopped:
             return None
 
-    def _play(self, round_: int, theta: Vector) -> Outcome | None:
-        nearby = self.neighbours()
+    def _play(self, round_: int, theta: Vector, learned: float) -> Outcome | None:
+        nearby, together = self.neighbours(), self.config.pace == "sync"
         if self.mixer.rule.sends_after_step:
-            step = self.learner.step(theta, round_)
-            self._publish(round_, nearby, theta, step.vector)
+            step, share = self._learn(round_, nearby, theta, learned)
+            self._publish(round_, nearby, theta, step.vector, learned)
         else:
-            self._publish(round_, nearby, theta, theta)
-            step = self.learner.step(theta, round_)
+            self._publish(round_, nearby, theta, theta, learned)
+            step, share = self._learn(round_, nearby, theta, learned)
         gathered = self._gather(round_, nearby)
         if self.stop.is_set():
             return None
         arrived = self._counting(round_, gathered)
         weights = self._weights(nearby, gathered)
-        if self.config.pace == "async":
+        if not together:
             weights = {sender: weights[sender] for sender in arrived}
         new = self.mixer.mix(theta, step.vector, arrived, weights)
-        self.ledger.record(round_, {n: weights[n] for n in self.mixer.shares}, self.mixer.shares)
+        if together:
+            used = {n: weights[n] for n in self.mixer.shares}
+            self.ledger.record(round_, used, self.mixer.shares)
+            new = self._settle(new, gathered)
         return Outcome(
-            theta=self._settle(new, gathered),
+            theta=new,
             next_round=max(round_ + 1, gathered.ahead or 0),
+            learned=0.0 if together else learned + share,
             step=step,
             weights={neighbour: weights[neighbour] for neighbour in arrived},
             missing=tuple(n for n in nearby if n not in arrived),
@@ -117,14 +131,45 @@ class Rounds:
             waited=gathered.waited,
         )
 
-    def _publish(self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector) -> None:
+    def follow(self, round_: int, theta: Vector) -> Vector:
+        """theta after a round without learning, when neighbours that still learn have spoken.
+
+        For an agent of an asynchronous swarm that has learned all it shall.
+        """
+        nearby, nothing = self.neighbours(), np.zeros_like(theta)
+        self._publish(round_, nearby, theta, nothing, self.config.rounds)
+        self.exchange.wait_for_news()
+        gathered = self._gather(round_, nearby)
+        arrived, weights = self._counting(round_, gathered), self._weights(nearby, gathered)
+        return self.mixer.mix(theta, nothing, arrived, {a: weights[a] for a in arrived})
+
+    def still_learning(self) -> dict[str, float]:
+        """What those neighbours have learned that have not learned all yet [rounds]."""
+        learned = self.exchange.learned(self.neighbours())
+        return {agent: count for agent, count in learned.items() if count < self.config.rounds}
+
+    def _learn(
+        self, round_: int, nearby: tuple[str, ...], theta: Vector, learned: float
+    ) -> tuple[Step, float]:
+        """A step, and the share of it that is to be taken, which it already is."""
+        step = self.learner.step(theta, round_)
+        if self.config.pace == "sync":
+            return step, 1.0
+        theirs = self.exchange.learned(nearby).values()
+        share = share_to_learn(learned, theirs, self.config.staleness)
+        share = min(share, self.config.rounds - learned)
+        return replace(step, vector=step.vector * theta.dtype.type(share)), share
+
+    def _publish(
+        self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector, learned: float
+    ) -> None:
         body = self.mixer.outgoing(theta, step)
         norm = float(np.linalg.norm(theta))
-        self.exchange.publish(round_, nearby, body, self.ledger.used, norm)
+        self.exchange.publish(round_, nearby, body, self.ledger.used, norm, learned)
 
     def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
         if self.config.pace == "async":
-            return self.exchange.look(nearby, self.config.rounds)
+            return self.exchange.look(nearby)
         return self.exchange.gather(round_, nearby, self.stop)
 
     def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:

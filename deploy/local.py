@@ -99,8 +99,11 @@ def check_certificates(config: SwarmFile) -> None:
         config.network.security.check(name)
 
 
-def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile, int]:
+def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile, int | None]:
     """A run folder to go on with, its configuration, and the last round that all agents have.
+
+    Where rounds are not common (``pace = "async"``) there is none to begin with: every agent goes
+    on from its own.
 
     Raises:
         ConfigError: not a run folder.
@@ -109,7 +112,7 @@ def resume_run(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFil
     folder = open_run(path)
     config = with_free_ports(load(folder.config, settings))
     check_certificates(config)
-    begin = folder.common_round(config.members)
+    begin = None if config.pace == "async" else folder.common_round(config.members)
     folder.write_config(config)
     return folder, config, begin
 
@@ -225,7 +228,7 @@ class Fleet:
 
     def _on_exit(self, worker: Worker, code: int) -> None:
         held = checkpoint.rounds_in(self.folder.checkpoints(worker.agent))
-        if code == 0 and held and held[-1] >= self.config.rounds:
+        if code == 0 and held and self._finished(worker.agent):
             worker.done = True
             return
         what = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
@@ -247,6 +250,9 @@ class Fleet:
         worker.restart_at = now + delay
         self.journal.say(f"{worker.agent} {what}, starts again in {delay:.1f} s")
 
+    def _finished(self, agent: str) -> bool:
+        return self.config.progress(self.folder.newest(agent)) >= self.config.rounds
+
     @property
     def pids(self) -> dict[str, int]:
         """Processes that run."""
@@ -266,14 +272,18 @@ class Fleet:
 
 
 def launch(
-    folder: RunFolder, config: SwarmFile, begin: int, record: bool, faults: Sequence[Fault] = ()
+    folder: RunFolder,
+    config: SwarmFile,
+    begin: int | None,
+    record: bool,
+    faults: Sequence[Fault] = (),
 ) -> int:
     """Run a swarm to its end and report.
 
     Args:
         folder: the run folder.
         config: the resolved configuration.
-        begin: first round; 0 starts afresh.
+        begin: first round; 0 starts afresh, None where each agent stopped.
         record: write a Rerun recording at the end.
         faults: to be injected on the way.
 

@@ -24,7 +24,7 @@ class Progress:
         self._console = Console()
         self._live = Live(console=self._console, auto_refresh=False, transient=True)
         self._reports: dict[str, RoundReport] = {}
-        self._first: dict[str, tuple[int, float]] = {}  # round and monotonic time [s] of arrival
+        self._first: dict[str, tuple[float, float]] = {}  # round and monotonic time [s] of arrival
         self._lock = threading.Lock()
         self._next_line = 0.0
         self._start = time.monotonic()
@@ -37,7 +37,7 @@ class Progress:
             if not self._reports:
                 started = time.monotonic() - self._start
                 self.say(f"first round after {started:.1f} s")
-            self._first.setdefault(report.agent, (report.round, time.monotonic()))
+            self._first.setdefault(report.agent, (self._reached(report), time.monotonic()))
             self._reports[report.agent] = report
 
     @property
@@ -50,7 +50,10 @@ class Progress:
     def round(self) -> int:
         """Newest round that every agent has reported."""
         with self._lock:
-            return min((report.round for report in self._reports.values()), default=0)
+            return int(min(map(self._reached, self._reports.values()), default=0))
+
+    def _reached(self, report: RoundReport) -> float:
+        return self._config.progress(report)
 
     def say(self, text: str) -> None:
         """Print one line above the live table."""
@@ -71,18 +74,17 @@ class Progress:
 
     def _time_left(self, reports: dict[str, RoundReport]) -> float | None:
         """Seconds to the end at the pace so far [s]."""
-        slowest = min(reports.values(), key=lambda report: report.round)
+        slowest = min(reports.values(), key=self._reached)
         first, began = self._first[slowest.agent]
-        done = slowest.round - first
+        done = self._reached(slowest) - first
         if done <= 0:
             return None
-        return (self._config.rounds - slowest.round) * (time.monotonic() - began) / done
+        return (self._config.rounds - self._reached(slowest)) * (time.monotonic() - began) / done
 
     def _line(self, reports: dict[str, RoundReport]) -> str:
-        rounds = [report.round for report in reports.values()]
         errors, left = _errors(reports), self._time_left(reports)
         parts = [
-            f"round {min(rounds)}/{self._config.rounds}",
+            f"round {min(map(self._reached, reports.values())):.0f}/{self._config.rounds}",
             f"agents {len(reports)}/{len(self._config.members)}",
             _gains([reports[agent] for agent in sorted(reports)]),
             f"consensus error {max(errors.values(), default=0.0):.3f}",
@@ -104,7 +106,7 @@ class Progress:
             nearby = [*report.weights, *(f"({name})" for name in report.missing)]
             table.add_row(
                 agent,
-                f"{report.round}/{self._config.rounds}",
+                f"{self._reached(report):.0f}/{self._config.rounds}",
                 f"{report.value:+.3f}",
                 f"{errors[agent]:.3f}" if agent in errors else "",
                 f"{report.seconds * 1e3:.1f}",

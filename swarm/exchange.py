@@ -86,7 +86,8 @@ class Exchange:
         roster: who is present, and in which life.
         waits: whether a slow neighbour may hold this agent up, rather than miss a message.
         shared_memory: whether large bodies may go through /dev/shm.
-        last: number of the swarm's last round; who claims a later one lies.
+        last: number of the swarm's last round, or what can be learned in it [rounds] where nobody
+            waits; who claims more lies.
     """
 
     def __init__(
@@ -101,14 +102,14 @@ class Exchange:
         roster: Roster,
         waits: bool = True,
         shared_memory: bool = True,
-        last: int | None = None,
+        last: float = math.inf,
     ) -> None:
         self._session, self._keys = session, keys
         self._agent, self._incarnation = me
         self._members, self._layout, self._codec, self._timing = members, layout, codec, timing
         self._inbox, self._roster = Inbox(), roster
         self._longest = math.inf  # norm of a neighbour's parameters; not known before the own
-        self._last = last
+        self._last, self._most = (last, 0.0) if waits else (math.inf, last)
         self._late: set[str] = set()
         self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
@@ -131,7 +132,7 @@ class Exchange:
         if not self._guard.admits(sender):
             return
         try:
-            header = decode_header(_bytes(sample.attachment), self._layout, self._last)
+            header = self._read_header(sample.attachment, self._layout)
             self._check_sender(header, sender)
             if len(sample.payload) == 0:
                 self._inbox.touch(header)
@@ -142,6 +143,10 @@ class Exchange:
             self._guard.reject(sender, error)
         else:
             self._inbox.store(Message(header, vector))
+
+    def _read_header(self, attachment: zenoh.ZBytes | None, layout: Layout) -> ParameterHeader:
+        raw = None if attachment is None else attachment.to_bytes()
+        return decode_header(raw, layout, self._last, self._most)
 
     def _check_sender(self, header: ParameterHeader, sender: str) -> None:
         """The header must name another member in its present life, and the key the same one.
@@ -185,6 +190,7 @@ class Exchange:
         body: bytes,
         used: Used = MappingProxyType({}),
         norm: float = 0.0,
+        learned: float = 0.0,
     ) -> None:
         """Send this round's parameters; returns as soon as Zenoh has queued them.
 
@@ -194,11 +200,12 @@ class Exchange:
             body: the encoded vector.
             used: weights that were used in the last rounds, by round and neighbour.
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
+            learned: so far [rounds], where rounds are not common.
         """
         first, self._longest = math.isinf(self._longest), NORM_FACTOR * max(norm, 1.0)
         if first:
             self._measure()
-        header = self._header(self._layout, round_, neighbours, used)
+        header = self._header(self._layout, round_, neighbours, used, learned)
         self._outgoing, self._nearby = (encode_header(header), self._parcels.wrap(body)), neighbours
         self._published = time.monotonic()
         self._send()
@@ -236,6 +243,7 @@ class Exchange:
         round_: int,
         neighbours: tuple[str, ...],
         used: Used = MappingProxyType({}),
+        learned: float = 0.0,
     ) -> ParameterHeader:
         return ParameterHeader(
             version=PROTOCOL,
@@ -245,6 +253,7 @@ class Exchange:
             round=round_,
             neighbours=neighbours,
             used={past: dict(weights) for past, weights in used.items()},
+            learned=learned,
         )
 
     # --- both -------------------------------------------------------------------------------
@@ -310,31 +319,38 @@ class Exchange:
                 self._answered[header.agent] = header
                 self._to(header.agent).put(b"", attachment=self._outgoing[0])
 
-    def look(self, neighbours: tuple[str, ...], last: int) -> Gathered:
+    def look(self, neighbours: tuple[str, ...]) -> Gathered:
         """Take what is new since the last look, without waiting.
 
-        Staleness is bounded by counting a message once, the newest only: mixing the same parameters
-        again and again would pull this agent back to them.  Rounds of different agents are not
-        compared, but when a neighbour has reached the ``last`` one, so does this agent.
+        A message counts once, and the newest only: mixing the same parameters again and again would
+        pull this agent back to them.  Rounds of different agents are not compared.
         """
         newest = self._inbox.newest(neighbours)
         arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
         self._taken |= arrived
         missing = tuple(agent for agent in neighbours if agent not in arrived)
-        done = any(message.header.round >= last for message in newest.values())
-        return Gathered(arrived, missing, newest, last if done else None, 0.0)
+        return Gathered(arrived, missing, newest, None, 0.0)
+
+    def learned(self, neighbours: Collection[str]) -> dict[str, float]:
+        """What each of the ``neighbours`` that were heard has learned [rounds]."""
+        views = self._inbox.views()
+        return {view.agent: view.learned for view in views if view.agent in neighbours}
+
+    def wait_for_news(self) -> None:
+        """Wait until something new can be looked at, for :data:`TICK` at most."""
+        self._inbox.wait(self._inbox.count, TICK)
 
     # --- joining ----------------------------------------------------------------------------
 
     def serve_state(
-        self, newest: Callable[[], tuple[int, tuple[str, ...], bytes]]
+        self, newest: Callable[[], tuple[int, float, tuple[str, ...], bytes]]
     ) -> "zenoh.Queryable[None]":
-        """Answer joiners with (round, neighbours, plain bytes of theta) from ``newest``."""
+        """Answer joiners with (round, learned, neighbours, bytes of theta) from ``newest``."""
         layout = self._state_layout()
 
         def answer(query: zenoh.Query) -> None:
-            round_, neighbours, body = newest()
-            header = encode_header(self._header(layout, round_, neighbours))
+            round_, learned, neighbours, body = newest()
+            header = encode_header(self._header(layout, round_, neighbours, learned=learned))
             query.reply(self._keys.state(self._agent), body, attachment=header)
 
         return self._session.declare_queryable(self._keys.state(self._agent), answer)
@@ -351,14 +367,16 @@ class Exchange:
                 continue
             _, sender = Keys.identity(str(reply.ok.key_expr))
             try:
-                header = decode_header(_bytes(reply.ok.attachment), layout, self._last)
+                header = self._read_header(reply.ok.attachment, layout)
                 if header.agent != sender:
                     raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
                 vector = decode_body(reply.ok.payload.to_bytes(), layout, Plain())
             except PayloadError as error:
                 self._guard.reject(sender, error)
                 continue
-            if header.agent != self._agent and (best is None or header.round > best.header.round):
+            if header.agent != self._agent and (
+                best is None or _reach(header) > _reach(best.header)
+            ):
                 best = Message(header, vector)
         return best
 
@@ -380,5 +398,6 @@ class Exchange:
                 publisher.undeclare()
 
 
-def _bytes(attachment: zenoh.ZBytes | None) -> bytes | None:
-    return None if attachment is None else attachment.to_bytes()
+def _reach(header: ParameterHeader) -> tuple[float, int]:
+    """How far a sender has come: what it has learned, or, where rounds are common, its round."""
+    return header.learned, header.round

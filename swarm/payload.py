@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -20,11 +20,12 @@ from numpy.typing import NDArray
 from swarm.compression import Codec, FloatType
 from swarm.errors import PayloadError
 
-PROTOCOL = 2  # raise it when the meaning of a header or body changes
+PROTOCOL = 3  # raise it when the meaning of a header or body changes
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
 Precision = Literal["float32", "float64"]
+Learned = Annotated[float, msgspec.Meta(ge=0)]  # refuses NaN too
 
 
 @dataclass(frozen=True)
@@ -75,6 +76,8 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
             each other, and its weight follows from both lists' lengths.
         used: weights that the sender used in its last rounds, by round and neighbour; see
             :mod:`swarm.ledger`.
+        learned: what the sender has learned so far [rounds], in a swarm without common rounds; see
+            :mod:`swarm.staleness`.
     """
 
     version: int
@@ -84,6 +87,7 @@ class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     round: int
     neighbours: tuple[str, ...]
     used: dict[int, dict[str, float]] = {}
+    learned: Learned = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +108,15 @@ def encode_header(header: ParameterHeader) -> bytes:
 
 
 def decode_header(
-    attachment: bytes | None, layout: Layout, last: int | None = None
+    attachment: bytes | None, layout: Layout, last: float = math.inf, most: float = math.inf
 ) -> ParameterHeader:
-    """Read a header and check it against one's own layout, and the ``last`` round if there is one.
+    """Read a header and check it against one's own layout.
+
+    Args:
+        attachment: as received.
+        layout: own layout.
+        last: number of the last round, where rounds are common.
+        most: what an agent can have learned [rounds], where they are not.
 
     Raises:
         PayloadError: with the first cause found: ``header``, ``version``, ``fingerprint`` or
@@ -129,9 +139,11 @@ def decode_header(
             f"parameters of another layout, fingerprint {header.fingerprint!r}: "
             f"expected {layout.fingerprint!r}",
         )
-    if header.round < 0 or (last is not None and header.round > last):
-        window = f"0 to {last}" if last is not None else "0 or more"
+    if not 0 <= header.round <= last:
+        window = f"0 to {last}" if last < math.inf else "0 or more"
         raise PayloadError("round", f"round {header.round}: expected {window}")
+    if header.learned > most:
+        raise PayloadError("round", f"learned {header.learned} rounds: expected at most {most}")
     return header
 
 

@@ -51,6 +51,7 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         sketch: :func:`swarm.consensus.sketch` of the parameters that entered the round.
         route: states on the most followed path, for tabular tasks now and then; else empty.
         distance: mean length of the flights that ended last [m], where the world tells it.
+        learned: so far [rounds], in a swarm without common rounds; see :mod:`swarm.staleness`.
     """
 
     agent: str
@@ -69,6 +70,7 @@ class RoundReport(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     sketch: tuple[float, ...] = ()
     route: tuple[int, ...] = ()
     distance: float | None = None
+    learned: float = 0.0
 
 
 class FlightSample(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -123,7 +125,7 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         agent, incarnation, pid: who answers.
         state: ``waiting`` for the swarm, ``learning``, ``finished``.
-        round, rounds: where it is and where it ends.
+        round, rounds: where it is and where it ends; without common rounds, what it has learned.
         neighbours: with whom it exchanges.
         value, disagreement: of the newest report.
         sketch: of its parameters.

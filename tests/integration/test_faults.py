@@ -22,6 +22,7 @@ pytestmark = pytest.mark.integration
 # the tasks are solved: who misses the first hundred rounds may find its task settled without it.
 CHAOS = ROOT / "deploy" / "chaos" / "files"
 ROUNDS, LEAST = 2500, 0.955
+LEARNED = 1000  # rounds of an asynchronous swarm
 
 
 def chaos_file(folder: Path, *faults: str) -> Path:
@@ -139,20 +140,21 @@ def test_hosts_find_each_other_by_multicast_and_are_seen_from_another(
 
 
 def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path: Path) -> None:
-    """What is learned depends on who is how fast (`SwarmFile.pace`); that nobody waits does not."""
+    """Nobody waits, and all tasks are solved: the slow one's weighs as much as the others'."""
     folder = tmp_path / "run"
-    chaos = chaos_file(tmp_path, 'kind = "slow"\nagents = ["drone3"]\nseconds = 60\nfactor = 5')
+    chaos = chaos_file(tmp_path, 'kind = "slow"\nagents = ["drone3"]\nseconds = 90\nfactor = 5')
     code, output = run(
         *("up", GRIDWORLD_A, "--run", folder, "--no-record", "--chaos", chaos),
-        *("--set", "pace=async", "--set", f"rounds={2 * ROUNDS}"),
+        *("--set", "pace=async", "--set", f"rounds={LEARNED}"),
         cwd=tmp_path,
     )
     assert code == 0, output
     assert "fault: slow drone3" in output
     reports = {m: list(RunFolder(folder).reports(m)) for m in MEMBERS}
     fastest = max(len(reports[m]) for m in MEMBERS)
-    assert fastest == 2 * ROUNDS
     assert len(reports["drone3"]) < fastest / 2
     for member in MEMBERS:
         assert all(report.waited == 0.0 for report in reports[member])
         assert any(report.weights for report in reports[member])  # and yet they do exchange
+        assert reports[member][-1].learned == LEARNED
+    assert json.loads(RunFolder(folder).result.read_text())["solved"] == [4, 4, 4, 4], output

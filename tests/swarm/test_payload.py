@@ -67,6 +67,8 @@ def test_round_trip() -> None:
         ("version", header(version=PROTOCOL + 1), BODY),
         ("fingerprint", header(fingerprint="0" * 16), BODY),
         ("round", header(round=-1), BODY),
+        ("header", header(learned=-1.0), BODY),
+        ("header", header(learned=float("nan")), BODY),
         ("length", header(), BODY[:-1]),
         ("length", header(), BODY + b"\0"),
         ("finite", header(), np.array([0, 1, np.nan, 3, 4, 5], "<f4").tobytes()),
@@ -85,6 +87,12 @@ def test_rounds_after_the_last_are_refused() -> None:
     assert decode_header(header(round=9), LAYOUT, last=9).round == 9
     with pytest.raises(PayloadError, match="round 10: expected 0 to 9"):
         decode_header(header(round=10), LAYOUT, last=9)
+
+
+def test_who_claims_to_have_learned_more_than_there_is_is_refused() -> None:
+    assert decode_header(header(round=90, learned=9.0), LAYOUT, most=9).learned == 9.0
+    with pytest.raises(PayloadError, match=r"learned 9\.5 rounds: expected at most 9"):
+        decode_header(header(learned=9.5), LAYOUT, most=9)
 
 
 def test_who_is_too_far_out_is_refused() -> None:
