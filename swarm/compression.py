@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import PayloadError
+from swarm.vectors import bytes_of
 
 Vector = NDArray[np.floating]
 FloatType = np.dtype[np.floating]
+Body = bytes | bytearray
 Compression = Literal["none", "fp16", "int8"]
 BLOCK = 64  # values that share one int8 scale: 6% more bytes than one scale for all
 
@@ -24,11 +26,11 @@ class Codec(Protocol):
 
     lossy: bool
 
-    def encode(self, vector: Vector) -> bytes:
-        """Bytes of ``vector``."""
+    def encode(self, vector: Vector) -> Body:
+        """Bytes of ``vector``, to be sent before it changes."""
         ...
 
-    def decode(self, body: bytes, size: int, dtype: FloatType) -> Vector:
+    def decode(self, body: Body, size: int, dtype: FloatType) -> Vector:
         """Read ``size`` values into a new vector of type ``dtype``.
 
         Raises:
@@ -37,7 +39,7 @@ class Codec(Protocol):
         ...
 
 
-def _check_length(body: bytes, expected: int) -> None:
+def _check_length(body: Body, expected: int) -> None:
     if len(body) != expected:
         raise PayloadError("length", f"{len(body)} bytes of parameters: expected {expected}")
 
@@ -47,10 +49,10 @@ class Plain:
 
     lossy = False
 
-    def encode(self, vector: Vector) -> bytes:
-        return vector.astype(vector.dtype.newbyteorder("<"), copy=False).tobytes()
+    def encode(self, vector: Vector) -> Body:
+        return bytes_of(vector)
 
-    def decode(self, body: bytes, size: int, dtype: FloatType) -> Vector:
+    def decode(self, body: Body, size: int, dtype: FloatType) -> Vector:
         _check_length(body, size * dtype.itemsize)
         return np.frombuffer(body, dtype.newbyteorder("<"))
 
@@ -63,7 +65,7 @@ class Half:
     def encode(self, vector: Vector) -> bytes:
         return np.clip(vector, -65504.0, 65504.0).astype("<f2").tobytes()
 
-    def decode(self, body: bytes, size: int, dtype: FloatType) -> Vector:
+    def decode(self, body: Body, size: int, dtype: FloatType) -> Vector:
         _check_length(body, size * 2)
         return np.frombuffer(body, "<f2").astype(dtype)
 
@@ -81,7 +83,7 @@ class Int8:
         scales: bytes = scale.astype("<f4").tobytes()
         return scales + levels.reshape(-1)[: vector.size].tobytes()
 
-    def decode(self, body: bytes, size: int, dtype: FloatType) -> Vector:
+    def decode(self, body: Body, size: int, dtype: FloatType) -> Vector:
         count = -(-size // BLOCK)
         _check_length(body, count * 4 + size)
         scale = np.repeat(np.frombuffer(body, "<f4", count), BLOCK)[:size]

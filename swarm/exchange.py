@@ -27,7 +27,7 @@ from typing import Self
 
 import zenoh
 
-from swarm.compression import Codec, Plain
+from swarm.compression import Body, Codec, Plain
 from swarm.errors import PayloadError
 from swarm.guard import Guard
 from swarm.inbox import Inbox
@@ -187,7 +187,7 @@ class Exchange:
         self,
         round_: int,
         neighbours: tuple[str, ...],
-        body: bytes,
+        body: Body,
         used: Used = MappingProxyType({}),
         norm: float = 0.0,
         learned: float = 0.0,

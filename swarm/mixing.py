@@ -29,8 +29,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm.compression import CODECS, Codec, Compression
+from swarm.compression import CODECS, Body, Codec, Compression
 from swarm.robust import Robust, shares
+from swarm.vectors import sum_of
 
 Vector = NDArray[np.floating]
 State = dict[str, Vector]
@@ -85,7 +86,7 @@ class Dcpg:
         return theta
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
-        return mean + step
+        return sum_of(mean, step)
 
     def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
         return theta - share
@@ -98,7 +99,7 @@ class AdaptThenCombine:
     sends_after_step: ClassVar[bool] = True
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
-        return theta + step
+        return sum_of(theta, step)
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         return mean
@@ -206,7 +207,7 @@ class Mixer:
         self.rule = RULES[self.config.rule]()
         self.codec = CODECS[self.config.compression]()
 
-    def outgoing(self, theta: Vector, step: Vector) -> bytes:
+    def outgoing(self, theta: Vector, step: Vector) -> Body:
         """The body to publish; ``step`` is read only by rules that send after it."""
         message = self.rule.message(theta, step, self.state)
         if not self.codec.lossy:

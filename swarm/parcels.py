@@ -53,7 +53,7 @@ class Parcels:
         self._provider: shm.ShmProvider | None = None
         self._size = 0
 
-    def wrap(self, body: bytes) -> zenoh.ZBytes:
+    def wrap(self, body: bytes | bytearray) -> zenoh.ZBytes:
         """``body`` as something that can be sent to many at the cost of one copy."""
         if len(body) >= LARGE:
             keep_freed_memory()
@@ -64,7 +64,7 @@ class Parcels:
                 log.debug("no shared memory for %d bytes: %s", len(body), error)
         return zenoh.ZBytes(body)
 
-    def _share(self, body: bytes) -> zenoh.ZBytes:
+    def _share(self, body: bytes | bytearray) -> zenoh.ZBytes:
         if self._provider is None or self._size != len(body):
             self._size = len(body)
             room = BODIES * (self._size + 4096)
