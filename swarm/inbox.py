@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from swarm.payload import Message, ParameterHeader
 
-KEPT = 4  # messages kept per sender: neighbours in step are never further apart than one round
+KEPT = 2  # messages kept per sender: neighbours in step are never further apart than one round
 
 
 @dataclass(slots=True)
