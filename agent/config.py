@@ -117,8 +117,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mixing: how parameters are agreed upon.
         topology: who exchanges with whom.
         pace: ``sync``: every round waits for the neighbours' parameters of it; ``async``: it takes
-            what has come, and nobody waits.  ``rounds`` then counts what is learned: who is fast
-            plays more rounds with smaller steps (:mod:`swarm.staleness`).
+            what has come, and waits for nobody's round.  ``rounds`` then counts what is learned:
+            who is fast plays more rounds with smaller steps (:mod:`swarm.staleness`).
         staleness: with ``async``, how far an agent may be ahead of a neighbour [rounds].
         start_mixing: start distribution early on.
         loss: messages lost on purpose.

@@ -8,8 +8,8 @@
     ->  compare accounts with the neighbours
 
 Rules that send what depends on the step (:mod:`swarm.mixing`) publish after it instead.  In an
-asynchronous swarm an agent takes the newest that is there, waits for nobody, and learns as much of
-its step as :mod:`swarm.staleness` grants; there are no accounts to compare.
+asynchronous swarm an agent takes the newest that is there and learns as much of its step as
+:mod:`swarm.staleness` grants, or waits for news if it is nothing; there are no accounts to compare.
 """
 
 import threading
@@ -66,6 +66,7 @@ class Rounds:
         stop: set when the agent must end.
         ledger: what was used of whom.
         degrees: last known number of neighbours of each neighbour.
+        learned_last: what the last step was like.
     """
 
     config: SwarmFile
@@ -77,6 +78,7 @@ class Rounds:
     stop: threading.Event
     ledger: Ledger = field(init=False)
     degrees: dict[str, int] = field(default_factory=dict)
+    learned_last: Step = field(default_factory=lambda: Step(np.zeros(0), 0.0, 0, 0, 0.0))
 
     def __post_init__(self) -> None:
         self.ledger = Ledger(self.agent)
@@ -102,12 +104,13 @@ class Rounds:
 
     def _play(self, round_: int, theta: Vector, learned: float) -> Outcome | None:
         nearby, together = self.neighbours(), self.config.pace == "sync"
+        share = 1.0 if together else self._share(nearby, learned)
         if self.mixer.rule.sends_after_step:
-            step, share = self._learn(round_, nearby, theta, learned)
+            step, waited = self._learn(round_, theta, share)
             self._publish(round_, nearby, theta, step.vector, learned)
         else:
             self._publish(round_, nearby, theta, theta, learned)
-            step, share = self._learn(round_, nearby, theta, learned)
+            step, waited = self._learn(round_, theta, share)
         gathered = self._gather(round_, nearby)
         if self.stop.is_set():
             return None
@@ -128,7 +131,7 @@ class Rounds:
             weights={neighbour: weights[neighbour] for neighbour in arrived},
             missing=tuple(n for n in nearby if n not in arrived),
             disagreement=disagreement(theta, [v[: theta.size] for v in arrived.values()]),
-            waited=gathered.waited,
+            waited=gathered.waited + waited,
         )
 
     def follow(self, round_: int, theta: Vector) -> Vector:
@@ -148,17 +151,23 @@ class Rounds:
         learned = self.exchange.learned(self.neighbours())
         return {agent: count for agent, count in learned.items() if count < self.config.rounds}
 
-    def _learn(
-        self, round_: int, nearby: tuple[str, ...], theta: Vector, learned: float
-    ) -> tuple[Step, float]:
-        """A step, and the share of it that is to be taken, which it already is."""
-        step = self.learner.step(theta, round_)
-        if self.config.pace == "sync":
-            return step, 1.0
-        theirs = self.exchange.learned(nearby).values()
+    def _share(self, nearby: tuple[str, ...], learned: float) -> float:
+        """How much of the next step to take, given what each neighbour is known to have learned."""
+        known = self.exchange.learned(nearby)
+        theirs = [known.get(neighbour, 0.0) for neighbour in nearby]
         share = share_to_learn(learned, theirs, self.config.staleness)
-        share = min(share, self.config.rounds - learned)
-        return replace(step, vector=step.vector * theta.dtype.type(share)), share
+        return min(share, self.config.rounds - learned)
+
+    def _learn(self, round_: int, theta: Vector, share: float) -> tuple[Step, float]:
+        """A share of a step, and the time spent waiting [s] where there is none to take."""
+        if share == 0.0:
+            waited = self.exchange.wait_for_news()
+            return replace(self.learned_last, vector=np.zeros_like(theta)), waited
+        step = self.learner.step(theta, round_)
+        self.learned_last = replace(step, episodes=0, steps=0)
+        if share != 1.0:
+            step = replace(step, vector=step.vector * theta.dtype.type(share))
+        return step, 0.0
 
     def _publish(
         self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector, learned: float

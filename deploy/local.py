@@ -311,7 +311,7 @@ def launch(
             chaos = Chaos(config, list(faults), clocks)
             resources.callback(lambda: chaos.undo(fleet.pids))
             while not fleet.done and not interrupted.is_set():
-                fleet.attend(TICK)
+                fleet.attend(min(TICK, chaos.wait(time.monotonic())))
                 if chaos.started is None and progress.complete:
                     chaos.started = time.monotonic()
                 for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):

@@ -113,6 +113,10 @@ class Exchange:
         self._late: set[str] = set()
         self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
+        self._waits = waits
+        self._sent: dict[
+            str, float
+        ] = {}  # monotonic time of the last message to each neighbour [s]
         self._guard = Guard()
         self._parcels = Parcels(shared_memory)
         self._outgoing: tuple[bytes, zenoh.ZBytes] = (b"", zenoh.ZBytes(b""))
@@ -221,8 +225,23 @@ class Exchange:
 
     def _send(self) -> None:
         attachment, body = self._outgoing
-        for neighbour in self._nearby:
+        for neighbour in self._nearby if self._waits else self._listening():
             self._to(neighbour).put(body, attachment=attachment)
+
+    def _listening(self) -> list[str]:
+        """Neighbours that have spoken since they were sent something, or not for a while.
+
+        Without common rounds this keeps messages from piling up before a slow one.
+        """
+        now, heard = time.monotonic(), self._inbox.heard()
+        due = [
+            agent
+            for agent in self._nearby
+            if heard.get(agent, 0.0) > self._sent.get(agent, 0.0)
+            or now > self._sent.get(agent, 0.0) + self._timing.resend
+        ]
+        self._sent |= dict.fromkeys(due, now)
+        return due
 
     def _beat(self) -> None:
         for neighbour in self._nearby:
@@ -325,6 +344,7 @@ class Exchange:
         A message counts once, and the newest only: mixing the same parameters again and again would
         pull this agent back to them.  Rounds of different agents are not compared.
         """
+        time.sleep(0)  # lets Zenoh's threads bring what has come
         newest = self._inbox.newest(neighbours)
         arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
         self._taken |= arrived
@@ -336,9 +356,11 @@ class Exchange:
         views = self._inbox.views()
         return {view.agent: view.learned for view in views if view.agent in neighbours}
 
-    def wait_for_news(self) -> None:
-        """Wait until something new can be looked at, for :data:`TICK` at most."""
+    def wait_for_news(self) -> float:
+        """Wait until something new can be looked at, for :data:`TICK` at most; how long [s]."""
+        start = time.monotonic()
         self._inbox.wait(self._inbox.count, TICK)
+        return time.monotonic() - start
 
     # --- joining ----------------------------------------------------------------------------
 

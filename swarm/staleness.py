@@ -5,9 +5,8 @@ Interface: :func:`share_to_learn`.
 Every agent counts what it has learned, in rounds: the sum of the shares of its steps that it took.
 The count travels with its parameters, and an agent holds its own against its neighbours'.  Who is
 ahead takes smaller steps, and none when it is ``bound`` ahead; who is behind takes larger ones, up
-to :data:`CATCH_UP` times.  So all tasks weigh the same however unequal the agents' speeds are, no
-agent learns while a neighbour is more than ``bound`` behind, and nobody ever waits: an agent
-without a share still flies, and mixes what arrives.
+to :data:`CATCH_UP` times.  So all tasks weigh the same however unequal the agents' speeds are.  No
+agent learns while a neighbour is more than ``bound`` behind; who is waits for news of it.
 """
 
 from collections.abc import Collection

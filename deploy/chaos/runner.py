@@ -3,6 +3,7 @@
 Interface: :class:`Chaos`, driven by the launcher.
 """
 
+import math
 import os
 import signal
 import subprocess
@@ -27,14 +28,14 @@ class Chaos:
         faults: those that have not begun.
         clocks: those that can jump.
         started: monotonic time of the file's zero [s]; None until every agent has reported.
-        due: monotonic time and action of what has begun, in order.
+        due: monotonic time [s], fault and action of what has begun, in order.
     """
 
     config: SwarmFile
     faults: list[Fault]
     clocks: Clocks
     started: float | None = None
-    due: list[tuple[float, Action]] = field(default_factory=list)
+    due: list[tuple[float, Fault, Action]] = field(default_factory=list)
 
     def advance(self, now: float, round_: int, pids: Mapping[str, int]) -> list[str]:
         """Do what is due; labels of what was done, for the user.
@@ -52,11 +53,12 @@ class Chaos:
         while (fault := self._next(now - self.started, round_)) is not None:
             self.faults.remove(fault)
             self._put_off(fault, round_)
-            self.due += [(now + action.at, action) for action in plan(fault, self.config)]
+            self.due += [(now + action.at, fault, action) for action in plan(fault, self.config)]
         self.due.sort(key=lambda entry: entry[0])
         labels = []
         while self.due and now >= self.due[0][0]:
-            _, action = self.due.pop(0)
+            at, fault, action = self.due.pop(0)
+            self._delay(fault, now - at)
             for agent, what in action.signals:
                 if agent in pids:
                     os.kill(pids[agent], what)
@@ -67,6 +69,15 @@ class Chaos:
             if action.label:
                 labels.append(action.label)
         return labels
+
+    def wait(self, now: float) -> float:
+        """Seconds until something is due."""
+        return max(0.0, self.due[0][0] - now) if self.due else math.inf
+
+    def _delay(self, late: Fault, by: float) -> None:
+        """Keep the times between the actions of a fault, one of which comes late."""
+        moved = [(at + by * (fault is late), fault, action) for at, fault, action in self.due]
+        self.due = sorted(moved, key=lambda entry: entry[0])
 
     def _next(self, elapsed: float, round_: int) -> Fault | None:
         """A fault whose time has come."""
@@ -82,7 +93,7 @@ class Chaos:
 
     def undo(self, pids: Mapping[str, int]) -> None:
         """End what lasts: let stopped agents go on, lift the network's faults."""
-        for _, action in self.due:
+        for _, _, action in self.due:
             if not action.label.startswith("end of "):
                 continue
             for agent, what in action.signals:

@@ -1,5 +1,6 @@
 """Chaos files: read strictly, planned in order, never longer than they say."""
 
+import math
 import signal
 from pathlib import Path
 
@@ -115,6 +116,18 @@ def test_a_star_names_everybody_and_apart_takes_them_in_turn(tmp_path: Path) -> 
     file.write_text('[[fault]]\nkind = "freeze"\nagents = ["*"]')
     (fault,) = load_faults(file, load(FILE))
     assert fault.agents == load(FILE).members
+
+
+def test_a_launcher_that_is_late_keeps_the_times_between_stop_and_go(tmp_path: Path) -> None:
+    faults = [Fault(kind="slow", agents=("drone0",), seconds=10.0, factor=5)]
+    chaos = Chaos(load(FILE), faults, Clocks(tmp_path, frozenset()), started=0.0)
+    assert chaos.wait(0.5) == math.inf
+    chaos.advance(1.0, 0, {})  # stop
+    assert chaos.wait(1.0) == pytest.approx(0.16)
+    chaos.advance(1.3, 0, {})  # go, 0.14 s late, and no stop at once
+    assert chaos.wait(1.3) == pytest.approx(0.04)
+    chaos.advance(1.35, 0, {})
+    assert chaos.wait(1.35) == pytest.approx(0.16)
 
 
 def test_who_comes_back_late_puts_the_next_one_off(tmp_path: Path) -> None:
