@@ -132,7 +132,8 @@ def test_agents_whose_wall_clocks_jump_by_a_day_notice_nothing(tmp_path: Path) -
 def test_hosts_find_each_other_by_multicast_and_are_seen_from_another(
     tmp_path: Path, namespaces: list[str]
 ) -> None:
-    settings = ["--set", "network.discovery=multicast", "--set", "rounds=60"]
+    # Rounds enough for the launcher, whose search begins with theirs, to see some of them.
+    settings = ["--set", "network.discovery=multicast", "--set", "rounds=2000"]
     output = up_on_hosts(namespaces, tmp_path / "run", *settings)
     assert "agents 4/4" in output
     for member in MEMBERS:
