@@ -66,7 +66,7 @@ class Rounds:
         stop: set when the agent must end.
         ledger: what was used of whom.
         degrees: last known number of neighbours of each neighbour.
-        learned_last: what the last step was like.
+        last_step: what was learned last, without the vector.
     """
 
     config: SwarmFile
@@ -78,7 +78,7 @@ class Rounds:
     stop: threading.Event
     ledger: Ledger = field(init=False)
     degrees: dict[str, int] = field(default_factory=dict)
-    learned_last: Step = field(default_factory=lambda: Step(np.zeros(0), 0.0, 0, 0, 0.0))
+    last_step: Step = field(default_factory=lambda: Step(np.zeros(0), 0.0, 0, 0, 0.0))
 
     def __post_init__(self) -> None:
         self.ledger = Ledger(self.agent)
@@ -153,8 +153,7 @@ class Rounds:
 
     def _share(self, nearby: tuple[str, ...], learned: float) -> float:
         """How much of the next step to take, given what each neighbour is known to have learned."""
-        known = self.exchange.learned(nearby)
-        theirs = [known.get(neighbour, 0.0) for neighbour in nearby]
+        theirs = self.exchange.learned(nearby).values()
         share = share_to_learn(learned, theirs, self.config.staleness)
         return min(share, self.config.rounds - learned)
 
@@ -162,9 +161,9 @@ class Rounds:
         """A share of a step, and the time spent waiting [s] where there is none to take."""
         if share == 0.0:
             waited = self.exchange.wait_for_news()
-            return replace(self.learned_last, vector=np.zeros_like(theta)), waited
+            return replace(self.last_step, vector=np.zeros_like(theta)), waited
         step = self.learner.step(theta, round_)
-        self.learned_last = replace(step, episodes=0, steps=0)
+        self.last_step = replace(step, vector=np.zeros(0), episodes=0, steps=0)
         if share != 1.0:
             step = replace(step, vector=step.vector * theta.dtype.type(share))
         return step, 0.0

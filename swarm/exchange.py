@@ -114,9 +114,8 @@ class Exchange:
         self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
         self._waits = waits
-        self._sent: dict[
-            str, float
-        ] = {}  # monotonic time of the last message to each neighbour [s]
+        self._began = time.monotonic()  # [s]
+        self._sent: dict[str, float] = {}  # monotonic time of the last message to each [s]
         self._guard = Guard()
         self._parcels = Parcels(shared_memory)
         self._outgoing: tuple[bytes, zenoh.ZBytes] = (b"", zenoh.ZBytes(b""))
@@ -352,9 +351,17 @@ class Exchange:
         return Gathered(arrived, missing, newest, None, 0.0)
 
     def learned(self, neighbours: Collection[str]) -> dict[str, float]:
-        """What each of the ``neighbours`` that were heard has learned [rounds]."""
-        views = self._inbox.views()
-        return {view.agent: view.learned for view in views if view.agent in neighbours}
+        """What each of the ``neighbours`` has learned, as far as is known [rounds].
+
+        One that has been silent for ``timing.round`` is left out: nobody waits for it for ever.
+        """
+        heard, oldest = self._inbox.heard(), time.monotonic() - self._timing.round
+        learned = {view.agent: view.learned for view in self._inbox.views()}
+        return {
+            agent: learned.get(agent, 0.0)
+            for agent in neighbours
+            if heard.get(agent, self._began) > oldest
+        }
 
     def wait_for_news(self) -> float:
         """Wait until something new can be looked at, for :data:`TICK` at most; how long [s]."""
