@@ -292,19 +292,14 @@ def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
 
 def _follow_neighbours(rounds: Rounds, life: Life) -> None:
     """Go on mixing until the neighbours have learned all, or learn no more, and a little longer."""
-    learning, since = rounds.still_learning(), time.monotonic()
-    while learning and not rounds.stop.is_set():
-        theta = rounds.follow(life.at.round, life.at.theta)
-        life.at = replace(life.at, round=life.at.round + 1, theta=theta)
+    learning, since, left = rounds.still_learning(), time.monotonic(), SETTLING
+    while left and (outcome := rounds.play(life.at.round, life.at.theta, life.at.learned)):
+        life.at = replace(life.at, round=outcome.next_round, theta=outcome.theta)
         before, learning = learning, rounds.still_learning()
         if learning != before:
             since = time.monotonic()
-        elif time.monotonic() > since + rounds.config.timing.round:
-            break
-    for _ in range(SETTLING):
-        if not rounds.stop.is_set():
-            theta = rounds.follow(life.at.round, life.at.theta)
-            life.at = replace(life.at, round=life.at.round + 1, theta=theta)
+        if not learning or time.monotonic() > since + rounds.config.timing.round:
+            left -= 1
 
 
 def _open_metrics(path: Path, begin: int) -> BinaryIO:

@@ -134,18 +134,6 @@ class Rounds:
             waited=gathered.waited + waited,
         )
 
-    def follow(self, round_: int, theta: Vector) -> Vector:
-        """theta after a round without learning, when neighbours that still learn have spoken.
-
-        For an agent of an asynchronous swarm that has learned all it shall.
-        """
-        nearby, nothing = self.neighbours(), np.zeros_like(theta)
-        self._publish(round_, nearby, theta, nothing, self.config.rounds)
-        self.exchange.wait_for_news()
-        gathered = self._gather(round_, nearby)
-        arrived, weights = self._counting(round_, gathered), self._weights(nearby, gathered)
-        return self.mixer.mix(theta, nothing, arrived, {a: weights[a] for a in arrived})
-
     def still_learning(self) -> dict[str, float]:
         """What those neighbours have learned that have not learned all yet [rounds]."""
         learned = self.exchange.learned(self.neighbours())

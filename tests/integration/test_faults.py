@@ -143,9 +143,8 @@ def test_hosts_find_each_other_by_multicast_and_are_seen_from_another(
 def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path: Path) -> None:
     """And all tasks are solved: the slow one's weighs as much as the others'."""
     folder = tmp_path / "run"
-    chaos = chaos_file(tmp_path, 'kind = "slow"\nagents = ["drone3"]\nseconds = 90\nfactor = 5')
     code, output = run(
-        *("up", GRIDWORLD_A, "--run", folder, "--no-record", "--chaos", chaos),
+        *("up", GRIDWORLD_A, "--run", folder, "--no-record", "--chaos", CHAOS / "slow.toml"),
         *("--set", "pace=async", "--set", f"rounds={LEARNED}"),
         cwd=tmp_path,
     )
