@@ -12,7 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from agent.estimators import Estimator, Exact
-from agent.optimizers import Adam, Optimizer, Sgd
+from agent.optimizers import Adam, Optimizer, Sgd, decayed
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
 from swarm.errors import ConfigError
@@ -155,6 +155,10 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Whether the optimiser's moments travel with the parameters."""
         return isinstance(self.optimizer, Adam) and self.optimizer.mix_moments
 
+    def optimizer_at(self, round_: int) -> Optimizer:
+        """The optimiser of one round, from 0."""
+        return decayed(self.optimizer, round_, self.rounds)
+
     def progress(self, of: Reached) -> float:
         """How far a checkpoint or a report has come on the way to ``rounds``."""
         return of.learned if self.pace == "async" else of.round
@@ -225,9 +229,16 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
 
 
 def _check_pace(config: SwarmFile) -> None:
-    """No mixed moments where steps are scaled: they would be no step's."""
-    if config.pace == "async" and config.mixes_moments:
+    """No mixed moments where steps are scaled: they would be no step's; no decay by rounds where
+    everybody plays its own number of them."""
+    if config.pace == "sync":
+        return
+    if config.mixes_moments:
         raise ConfigError('optimizer.mix_moments = true: expected pace = "sync" with it')
+    if config.optimizer.decay:
+        raise ConfigError(
+            f'optimizer.decay = {config.optimizer.decay:g}: expected pace = "sync" with it'
+        )
 
 
 def _check_training(config: SwarmFile) -> None:

@@ -128,7 +128,7 @@ class NeuralLearner:
         else:
             steps = training.worlds * training.segment
             stretches, ended = self._worlds.flights(self._act, steps, seeds)
-        length = self._learn(stretches)
+        length = self._learn(stretches, round_)
         if ended:
             distances = [flight.distance for flight in ended if flight.distance is not None]
             self._last = Ended(
@@ -149,7 +149,7 @@ class NeuralLearner:
         """Sample an action for every observation."""
         return self._flat.choose(observations, self._random.random(len(observations)))
 
-    def _learn(self, stretches: list[Stretch]) -> float:
+    def _learn(self, stretches: list[Stretch], round_: int) -> float:
         """Climb; returns the length of the first gradient."""
         estimator, training = self._estimator, self._config.training
         gains, targets = self._gains(stretches)
@@ -165,7 +165,7 @@ class NeuralLearner:
             gain=self._tensor(gains.astype(np.float32)),
             target=self._tensor(targets.astype(np.float32)),
         )
-        ascent = FlatAscent(self._config.optimizer, self._flat, self.optimizer_state)
+        ascent = FlatAscent(self._config.optimizer_at(round_), self._flat, self.optimizer_state)
         count = len(samples.observations)
         parts = max(1, round(count / training.minibatch)) if training.minibatch else 1
         first = None

@@ -5,11 +5,13 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 Vector = NDArray[np.floating]
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 MOMENTS = ("first", "second")  # Adam's, by their names in the optimiser's state
 
 
@@ -17,10 +19,13 @@ class Sgd(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
     """Plain gradient ascent, ``alpha g``: the paper's Algorithm 1.
 
     Attributes:
-        step: alpha, constant.
+        step: alpha.
+        decay: share of the rounds, the last ones, over which the step falls in a line to 0; the
+            paper's is constant.
     """
 
     step: Positive = 0.5
+    decay: Share = 0.0
 
 
 class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="adam"):
@@ -28,6 +33,7 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
 
     Attributes:
         step: step size.
+        decay: as of :class:`Sgd`.
         beta1, beta2: decay of the first and second moment.
         epsilon: added to the root of the second moment.
         mix_moments: neighbours mix their moments as they mix their parameters
@@ -35,6 +41,7 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
     """
 
     step: Positive = 1e-4
+    decay: Share = 0.0
     beta1: Fraction = 0.9
     beta2: Fraction = 0.999
     epsilon: Positive = 1e-8
@@ -42,6 +49,14 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
 
 
 Optimizer = Sgd | Adam
+
+
+def decayed(config: Optimizer, round_: int, rounds: int) -> Optimizer:
+    """The optimiser of one round, from 0, of so many: its step as :attr:`Sgd.decay` has it."""
+    left, falling = rounds - round_, config.decay * rounds
+    if left >= falling:
+        return config
+    return replace(config, step=config.step * max(left, 0) / falling)
 
 
 @dataclass(slots=True)

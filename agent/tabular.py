@@ -226,6 +226,7 @@ class TabularLearner:
     def step(self, theta: Vector, round_: int) -> Step:
         config, estimator = self._config, self._config.estimator
         policy = self._policy(theta)
+        self._ascent.config = config.optimizer_at(round_)
         model = self._anywhere if round_ < config.start_mixing.rounds else self._model
         if isinstance(estimator, Exact):
             gradient = model.gradient(policy, estimator.entropy_weight).reshape(-1)

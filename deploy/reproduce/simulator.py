@@ -191,6 +191,8 @@ class Fleet:
     def step(self, thetas: Vectors, round_: int) -> tuple[Vectors, Floats]:
         """(M, d) steps taken at ``thetas``, and (M,) what the agents' policies were worth."""
         self._prepare(round_)
+        for ascent, config in zip(self._ascents, self._configs, strict=True):
+            ascent.config = config.optimizer_at(round_)
         n_states, n_actions = self._models[0][0].n_states, self._models[0][0].n_actions
         logits = thetas[:, : n_states * n_actions].reshape(-1, n_states, n_actions)
         policies, estimator = softmax(logits), self._estimator

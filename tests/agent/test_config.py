@@ -65,6 +65,7 @@ def test_the_copy_in_a_run_folder_reads_back_equal(tmp_path: Path) -> None:
         ("topology.kind=edges", ["topology.kind", "unconnected"]),
         ("seed", ["expected key=value"]),
         ("agents.9.id=x", ['no key "agents.9.id"']),
+        ("optimizer.decay=1.5", ["optimizer.decay = 1.5", "<= 1"]),
         ("name.x=1", ['no key "name.x"']),
     ],
 )
@@ -76,6 +77,12 @@ def test_a_mistake_is_one_line_with_key_value_and_what_was_expected(
     text = str(error.value)
     assert all(word in text for word in words), text
     assert "\n" not in text
+
+
+def test_no_decay_by_rounds_where_everybody_plays_its_own() -> None:
+    with pytest.raises(ConfigError) as error:
+        load(FILE, ["pace=async", "optimizer.decay=0.5"])
+    assert 'optimizer.decay = 0.5: expected pace = "sync"' in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agent.optimizers import Adam, Ascent, Sgd
+from agent.optimizers import Adam, Ascent, Optimizer, Sgd, decayed
 from agent.policies import entropy_gradient, score_sum, softmax
 from agent.returns import rewards_to_go
 
@@ -55,3 +55,11 @@ def test_adam_is_torch_adam(kind: type[np.floating]) -> None:
         optimizer.step()
     np.testing.assert_allclose(ours, theirs.numpy(), rtol=1e-5)
     assert ours.dtype == kind
+
+
+@pytest.mark.parametrize("config", [Sgd(step=0.5, decay=0.4), Adam(step=0.5, decay=0.4)])
+def test_the_step_falls_in_a_line_over_the_last_rounds(config: Optimizer) -> None:
+    steps = [decayed(config, round_, 10).step for round_ in range(11)]
+    np.testing.assert_allclose(steps, [0.5] * 7 + [0.375, 0.25, 0.125, 0.0])
+    assert decayed(config, 0, 10) is config
+    assert type(decayed(config, 9, 10)) is type(config)

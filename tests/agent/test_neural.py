@@ -130,6 +130,19 @@ def test_whole_episodes_depend_on_nothing_flown_before() -> None:
     np.testing.assert_array_equal(fresh.step(theta, 7).vector, used.step(theta, 7).vector)
 
 
+def test_decay_makes_late_steps_smaller() -> None:
+    whole, falling = (
+        msgspec.structs.replace(
+            config(A2C(), Training(segment=20), Sgd(step=0.1, decay=decay)), rounds=10
+        )
+        for decay in (0.0, 1.0)
+    )
+    steps = [NeuralLearner(settings, "drone0") for settings in (whole, falling)]
+    theta = steps[0].initial()
+    ours, shorter = (learner.step(theta, 8).vector for learner in steps)
+    assert np.linalg.norm(shorter) == pytest.approx(0.2 * np.linalg.norm(ours), rel=1e-3)
+
+
 def test_the_first_step_of_ppo_is_that_of_a2c() -> None:
     """One epoch, one minibatch, ratio 1: nothing is clipped."""
     training = Training(worlds=2, segment=20)

@@ -49,12 +49,15 @@ class Run:
         return all(checkpoint.rounds_in(self.folder.checkpoints(a)) for a in self.config.members)
 
     @property
+    def newest(self) -> int:
+        """The round that every agent of a begun run has a checkpoint of, or of a later one."""
+        members = self.config.members
+        return min(checkpoint.rounds_in(self.folder.checkpoints(a))[-1] for a in members)
+
+    @property
     def finished(self) -> bool:
         """Whether every agent has played all rounds."""
-        return self.begun and all(
-            checkpoint.rounds_in(self.folder.checkpoints(agent))[-1] >= self.config.rounds
-            for agent in self.config.members
-        )
+        return self.begun and self.newest >= self.config.rounds
 
     @property
     def steps(self) -> int:

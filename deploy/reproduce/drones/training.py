@@ -13,12 +13,14 @@ from pathlib import Path
 
 import msgspec
 
+from agent.config import load
 from deploy.evaluate import Evaluation, evaluate
 from deploy.processes import end_all, last_line
 from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError
 
 POLL = 2.0  # [s]
+EVALUATION = "eval.json"  # in the run folder
 STOP_LIMIT = 20.0  # [s] for a run to write its checkpoints
 
 
@@ -31,12 +33,15 @@ def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
         say: tells how far it is.
 
     Raises:
-        SwarmError: a run failed; its own last line says why.
+        SwarmError: a run failed; its own last line says why.  Or it was begun for another number
+            of rounds and its step has fallen since, so that going on is not what was asked for.
     """
-    waiting = [run for run in runs if not run.finished]
-    everything = list(waiting)
+    everything = list(runs)
+    for run in everything:
+        _check_schedule(run)
+    waiting = [run for run in everything if not run.finished]
     running: dict[subprocess.Popen[bytes], Run] = {}
-    clock = _Clock(everything)
+    clock = _Clock(waiting)
     try:
         while waiting or running:
             busy = sum(len(run.config.members) for run in running.values())
@@ -57,7 +62,7 @@ def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
 def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], None]) -> None:
     """Fly every run that has not been flown with as many flights."""
     for run in runs:
-        path = run.folder.path / "eval.json"
+        path = run.folder.path / EVALUATION
         if path.exists():
             kept = msgspec.json.decode(path.read_bytes(), type=Evaluation)
             if all(cell.flights >= flights for cells in kept.cells.values() for cell in cells):
@@ -96,6 +101,20 @@ class _Clock:
         return f"{names}; {done / elapsed:.0f} steps/s, {left:.0f} min of training left"
 
 
+def _check_schedule(run: Run) -> None:
+    """Raises what :func:`train` says of the number of rounds."""
+    if not run.begun:
+        return
+    begun, asked = load(run.folder.config), run.config
+    constant = (1 - asked.optimizer.decay) * min(begun.rounds, asked.rounds)
+    if begun.rounds != asked.rounds and run.newest > constant:
+        raise SwarmError(
+            f"{run.folder.path}: begun for {begun.rounds} rounds, and its step has fallen since; "
+            f"--budget asks for {asked.rounds}: expected another --runs, or --budget "
+            f"{begun.rounds * steps_per_round(begun)}"
+        )
+
+
 def _share(run: Run) -> float:
     total = run.config.rounds * steps_per_round(run.config) * len(run.config.members)
     return run.steps / total
@@ -109,6 +128,7 @@ def _start(run: Run) -> subprocess.Popen[bytes]:
     folder = run.folder.path
     folder.parent.mkdir(parents=True, exist_ok=True)
     if run.begun:
+        (folder / EVALUATION).unlink(missing_ok=True)
         order = ["up", "--resume", str(folder), "--set", f"rounds={run.config.rounds}"]
     else:
         if run.folder.config.exists():  # stopped before its first checkpoint

@@ -11,7 +11,9 @@ from deploy.evaluate import Cell, Evaluation
 from deploy.reproduce.claims import Options
 from deploy.reproduce.drones import table
 from deploy.reproduce.drones.runs import ESTIMATORS, Run, last, plan, steps_per_round
+from deploy.reproduce.drones.training import train
 from sim.indoor.scenes import NAMES
+from swarm.errors import SwarmError
 from swarm.telemetry import RoundReport
 
 
@@ -46,13 +48,22 @@ def report(agent: str, round_: int, steps: int, distance: float) -> bytes:
     return msgspec.json.encode(fields) + b"\n"
 
 
-def pretend(run: Run, metres: dict[str, float]) -> None:
-    """A run that has been trained and flown: its files."""
+def learn(run: Run, rounds: int | None = None) -> None:
+    """A run that has been trained so far: its configuration and checkpoints."""
     for agent in run.config.members:
         run.folder.prepare(agent)
+        write(
+            run.folder.checkpoints(agent), Checkpoint(rounds or run.config.rounds, "", np.zeros(1))
+        )
+    run.folder.config.write_bytes(msgspec.json.encode(run.config))
+
+
+def pretend(run: Run, metres: dict[str, float]) -> None:
+    """A run that has been trained and flown: its files."""
+    learn(run)
+    for agent in run.config.members:
         lines = [report(agent, k, 1024 * (k + 1), 10.0 + k) for k in range(run.config.rounds)]
         run.folder.metrics(agent).write_bytes(b"".join(lines))
-        write(run.folder.checkpoints(agent), Checkpoint(run.config.rounds, "", np.zeros(1)))
     cells = {
         world: [Cell("greedy", 100, mean, 1.0, 0.0), Cell("stochastic", 100, mean, 1.0, 0.0)]
         for world, mean in metres.items()
@@ -87,6 +98,20 @@ def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool
     assert len(told) == 5
     assert found.data["ppo"]["runs"]["dcpg"]["steps"] == 4 * 4 * 1024
     assert found.figures[0].stat().st_size > 1000
+
+
+@pytest.mark.parametrize("budget", [5, 40])
+def test_a_run_whose_step_has_fallen_is_not_taken_for_another_budget(
+    tmp_path: Path, budget: int
+) -> None:
+    learn(plan(tmp_path, "ppo", budget=10 * 1024, seed=1)[1], rounds=8)
+    asked = plan(tmp_path, "ppo", budget * 1024, seed=1)[1]
+    with pytest.raises(SwarmError) as error:
+        train([asked], 1, lambda text: None)
+    text = str(error.value)
+    assert text.startswith(str(asked.folder.path))
+    assert "begun for 10 rounds" in text
+    assert "--budget 10240" in text
 
 
 def test_the_last_report_is_found_without_reading_all(tmp_path: Path) -> None:

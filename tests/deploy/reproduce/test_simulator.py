@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agent.config import StartMixing, SwarmFile, load
-from agent.estimators import A2C, PPO, Reinforce
+from agent.estimators import A2C, PPO, Exact, Reinforce
 from agent.optimizers import Sgd
 from agent.tabular import TabularLearner
 from deploy.report import evaluate
@@ -42,6 +42,9 @@ EXAMPLES: dict[str, SwarmFile] = {
     "ppo, halves, tracking": grid_swarm(
         "e", rounds=4, estimator=PPO(**SHORT),
         mixing=Mixing(rule="gradient-tracking", compression="fp16"),
+    ),
+    "exact, with a step that falls": grid_swarm(
+        "a", rounds=6, optimizer=Sgd(step=0.5, decay=0.5), estimator=Exact(),
     ),
     "exact": many_swarm("grid", "dcpg", 6, rounds=5),
 }  # fmt: skip
