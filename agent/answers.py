@@ -62,8 +62,8 @@ def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:
         value=report.value if report else None,
         disagreement=report.disagreement if report else None,
         sketch=tuple(sketch(life.at.theta).tolist()),
-        rejected=rounds.exchange.rejected,
-        quarantined=rounds.exchange.quarantined,
+        rejected=rounds.exchange.guard.counts,
+        quarantined=rounds.exchange.guard.quarantined(),
         one_sided=rounds.ledger.one_sided,
         memory_mb=_resident_mb(),
     )

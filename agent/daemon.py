@@ -116,7 +116,7 @@ def run_agent(
         life.at = _catch_up(config, exchange, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
         learner_state |= life.at.optimizer
-        exchange.serve_state(lambda: _state(life.at, rounds))
+        exchange.handover.serve(lambda: _state(life.at, rounds))
         for report in folder.reports(agent):
             life.history.take(report)
         serve_history(session, keys, agent, life.history)
@@ -256,7 +256,7 @@ def _first_checkpoint(
 
 def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpoint:
     """Join the swarm where it is: parameters and round of the neighbour that is furthest on."""
-    newest = exchange.fetch_state()
+    newest = exchange.handover.fetch(config.timing.state)
     if newest is None or config.progress(newest.header) <= config.progress(own):
         return own
     header = newest.header

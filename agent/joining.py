@@ -1,7 +1,7 @@
 """A newcomer without a swarm file gets it from the swarm: ``swarm agent --join NAME``.
 
 Interface: :func:`serve_config` at those who are there, :func:`fetch_config` at the one who comes;
-round and parameters follow with :meth:`swarm.exchange.Exchange.fetch_state`.  What is received is
+round and parameters follow with :meth:`swarm.handover.Handover.fetch`.  What is received is
 read as strictly as a file, and is trusted less: it may name tasks of this project and of Gymnasium
 only, no other module and no path.
 """

@@ -2,7 +2,9 @@
 
 Interface: :meth:`Exchange.publish` does not wait; :meth:`Exchange.gather` waits until every
 neighbour has answered, is gone or is out of time (:mod:`swarm.timing` decides);
-:meth:`Exchange.look` takes what is there.  Zenoh's callbacks only check, store and wake.
+:meth:`Exchange.look` takes what is there.  What comes in is checked and kept by
+:mod:`swarm.reception`, what goes out leaves by :mod:`swarm.dispatch`; here stands who is sent to,
+who is waited for and how long.
 
 Rounds are logical.  A neighbour that already speaks of a later round will not answer this one, so
 nobody waits for it; an agent that finds its neighbours ahead jumps to their round.  A neighbour
@@ -20,37 +22,26 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
 from types import MappingProxyType, TracebackType
 from typing import Self
 
 import zenoh
 
-from swarm.compression import Body, Codec, Plain
-from swarm.errors import PayloadError
-from swarm.guard import Guard
-from swarm.inbox import Inbox
+from swarm.compression import Body, Codec
+from swarm.dispatch import Dispatch, Used
+from swarm.handover import Handover, plain
 from swarm.keys import Keys
-from swarm.parcels import Parcels, unwrap
-from swarm.payload import (
-    PROTOCOL,
-    Layout,
-    Message,
-    ParameterHeader,
-    check_norm,
-    decode_body,
-    decode_header,
-    encode_header,
-)
+from swarm.payload import Layout, Message, ParameterHeader
+from swarm.reception import Reception
 from swarm.roster import Roster
 from swarm.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
 
 log = logging.getLogger(__name__)
-NORM_FACTOR = 100.0  # times the own norm, or 1, is as large as a neighbour's may be
 REMEMBERED = 32  # rounds whose duration sets the deadline
 TICK = 0.1  # [s] at most until a wait notices that it must end
-Used = Mapping[int, Mapping[str, float]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +79,11 @@ class Exchange:
         shared_memory: whether large bodies may go through /dev/shm.
         last: number of the swarm's last round, or what can be learned in it [rounds] where nobody
             waits; who claims more lies.
+
+    Attributes:
+        guard: counts what was refused and shuts senders out.
+        handover: what joiners are given.
+        dispatch: by which parameters leave.
     """
 
     def __init__(
@@ -104,87 +100,33 @@ class Exchange:
         shared_memory: bool = True,
         last: float = math.inf,
     ) -> None:
-        self._session, self._keys = session, keys
-        self._agent, self._incarnation = me
-        self._members, self._layout, self._codec, self._timing = members, layout, codec, timing
-        self._inbox, self._roster = Inbox(), roster
-        self._longest = math.inf  # norm of a neighbour's parameters; not known before the own
-        self._last, self._most = (last, 0.0) if waits else (math.inf, last)
+        self._resources = ExitStack()
+        reception = self._resources.enter_context(
+            Reception(
+                session, keys, me[0], members, layout, codec, roster,
+                last=last if waits else math.inf, most=0.0 if waits else last,
+            )
+        )  # fmt: skip
+        self.dispatch = self._resources.enter_context(
+            Dispatch(session, keys, me, layout, waits, shared_memory)
+        )
+        self.handover = Handover(session, keys, me[0], plain(layout), reception, self.dispatch)
+        self.guard = reception.guard
+        self._agent, self._timing, self._roster, self._waits = me[0], timing, roster, waits
+        self._reception, self._inbox = reception, reception.inbox
         self._late: set[str] = set()
         self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
         self._taken: dict[str, Message] = {}
-        self._waits = waits
         self._began = time.monotonic()  # [s]
         self._sent: dict[str, float] = {}  # monotonic time of the last message to each [s]
-        self._guard = Guard()
-        self._parcels = Parcels(shared_memory)
-        self._outgoing: tuple[bytes, zenoh.ZBytes] = (b"", zenoh.ZBytes(b""))
         self._nearby: tuple[str, ...] = ()
         self._published = 0.0  # monotonic time of the round's publication [s]
         self._durations: deque[float] = deque(maxlen=REMEMBERED)
-        roster.call_on_change(self._inbox.wake)
-        self._congestion = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
-        self._publishers: dict[str, zenoh.Publisher] = {}
-        mine = keys.params(receiver=self._agent)
-        self._subscriber = session.declare_subscriber(mine, self._receive)
-
-    # --- in ---------------------------------------------------------------------------------
-
-    def _receive(self, sample: zenoh.Sample) -> None:
-        _, sender = Keys.identity(str(sample.key_expr))
-        if not self._guard.admits(sender):
-            return
-        try:
-            header = self._read_header(sample.attachment, self._layout)
-            self._check_sender(header, sender)
-            if len(sample.payload) == 0:
-                self._inbox.touch(header)
-                return
-            body = unwrap(sample.payload)
-            vector = decode_body(body, self._layout, self._codec, self._longest)
-        except PayloadError as error:
-            self._guard.reject(sender, error)
-        else:
-            self._inbox.store(Message(header, vector))
-
-    def _read_header(self, attachment: zenoh.ZBytes | None, layout: Layout) -> ParameterHeader:
-        raw = None if attachment is None else attachment.to_bytes()
-        return decode_header(raw, layout, self._last, self._most)
-
-    def _check_sender(self, header: ParameterHeader, sender: str) -> None:
-        """The header must name another member in its present life, and the key the same one.
-
-        Access control proves the key, so the header may not say otherwise.  (Zenoh can deliver a
-        sample under another sender's key after a link was lost; with wildcard subscriptions that
-        is one in a million, and the sender says it again.)
-        """
-        if header.agent != sender:
-            raise PayloadError("key", f'"{header.agent}" speaks under the key of "{sender}"')
-        if header.agent == self._agent or header.agent not in self._members:
-            raise PayloadError("stranger", f'"{header.agent}" is not another agent of this swarm')
-        known = self._roster.incarnation(header.agent)
-        if known not in {None, header.incarnation}:  # its first message may overtake its token
-            raise PayloadError(
-                "incarnation",
-                f"{header.agent} in its life {header.incarnation}: expected {known}",
-            )
-
-    @property
-    def rejected(self) -> dict[str, int]:
-        """Messages refused so far, by cause."""
-        return self._guard.counts
-
-    @property
-    def quarantined(self) -> tuple[str, ...]:
-        """Senders that are shut out now."""
-        return self._guard.quarantined()
 
     def heard(self) -> dict[str, tuple[int, float]]:
         """Newest round of every sender and the age of its last sign of life [s]."""
         now, rounds = time.monotonic(), self._inbox.rounds()
         return {agent: (rounds[agent], now - at) for agent, at in self._inbox.heard().items()}
-
-    # --- out --------------------------------------------------------------------------------
 
     def publish(
         self,
@@ -205,27 +147,13 @@ class Exchange:
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
             learned: so far [rounds], where rounds are not common.
         """
-        first, self._longest = math.isinf(self._longest), NORM_FACTOR * max(norm, 1.0)
-        if first:
-            self._measure()
-        header = self._header(self._layout, round_, neighbours, used, learned)
-        self._outgoing, self._nearby = (encode_header(header), self._parcels.wrap(body)), neighbours
-        self._published = time.monotonic()
+        self._reception.measure_by(norm)
+        self.dispatch.prepare(round_, neighbours, body, used, learned)
+        self._nearby, self._published = neighbours, time.monotonic()
         self._send()
 
-    def _measure(self) -> None:
-        """Hold what came before the own norm was known against it."""
-        for message in self._inbox.everything():
-            try:
-                check_norm(message.vector, self._longest)
-            except PayloadError as error:
-                self._inbox.forget(message)
-                self._guard.reject(message.header.agent, error)
-
     def _send(self) -> None:
-        attachment, body = self._outgoing
-        for neighbour in self._nearby if self._waits else self._listening():
-            self._to(neighbour).put(body, attachment=attachment)
+        self.dispatch.send(self._nearby if self._waits else self._listening())
 
     def _listening(self) -> list[str]:
         """Neighbours that have spoken since they were sent something, or not for a while.
@@ -241,40 +169,6 @@ class Exchange:
         ]
         self._sent |= dict.fromkeys(due, now)
         return due
-
-    def _beat(self) -> None:
-        for neighbour in self._nearby:
-            self._to(neighbour).put(b"", attachment=self._outgoing[0])
-
-    def _to(self, neighbour: str) -> zenoh.Publisher:
-        if neighbour not in self._publishers:
-            self._publishers[neighbour] = self._session.declare_publisher(
-                self._keys.params(self._agent, neighbour),
-                congestion_control=self._congestion,
-                priority=zenoh.Priority.DATA,
-            )
-        return self._publishers[neighbour]
-
-    def _header(
-        self,
-        layout: Layout,
-        round_: int,
-        neighbours: tuple[str, ...],
-        used: Used = MappingProxyType({}),
-        learned: float = 0.0,
-    ) -> ParameterHeader:
-        return ParameterHeader(
-            version=PROTOCOL,
-            fingerprint=layout.fingerprint,
-            agent=self._agent,
-            incarnation=self._incarnation,
-            round=round_,
-            neighbours=neighbours,
-            used={past: dict(weights) for past, weights in used.items()},
-            learned=learned,
-        )
-
-    # --- both -------------------------------------------------------------------------------
 
     def gather(
         self,
@@ -319,7 +213,7 @@ class Exchange:
                 interval *= 2
                 resend_at = now + interval
             elif now >= beat_at:
-                self._beat()
+                self.dispatch.beat(self._nearby)
                 beat_at = now + self._timing.beat
             self._inbox.wait(seen, TICK)
         arrived = self._inbox.of_round(round_, neighbours)
@@ -335,7 +229,7 @@ class Exchange:
         for header in headers:
             if self._answered.get(header.agent) is not header:
                 self._answered[header.agent] = header
-                self._to(header.agent).put(b"", attachment=self._outgoing[0])
+                self.dispatch.beat([header.agent])
 
     def look(self, neighbours: tuple[str, ...]) -> Gathered:
         """Take what is new since the last look, without waiting.
@@ -369,49 +263,6 @@ class Exchange:
         self._inbox.wait(self._inbox.count, TICK)
         return time.monotonic() - start
 
-    # --- joining ----------------------------------------------------------------------------
-
-    def serve_state(
-        self, newest: Callable[[], tuple[int, float, tuple[str, ...], bytes]]
-    ) -> "zenoh.Queryable[None]":
-        """Answer joiners with (round, learned, neighbours, bytes of theta) from ``newest``."""
-        layout = self._state_layout()
-
-        def answer(query: zenoh.Query) -> None:
-            round_, learned, neighbours, body = newest()
-            header = encode_header(self._header(layout, round_, neighbours, learned=learned))
-            query.reply(self._keys.state(self._agent), body, attachment=header)
-
-        return self._session.declare_queryable(self._keys.state(self._agent), answer)
-
-    def fetch_state(self) -> Message | None:
-        """The newest parameters that anybody present has, or None when nobody answers in time."""
-        layout, best = self._state_layout(), None
-        for reply in self._session.get(
-            self._keys.state(),
-            timeout=self._timing.state,
-            consolidation=zenoh.ConsolidationMode.NONE,
-        ):
-            if reply.ok is None:
-                continue
-            _, sender = Keys.identity(str(reply.ok.key_expr))
-            try:
-                header = self._read_header(reply.ok.attachment, layout)
-                if header.agent != sender:
-                    raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
-                vector = decode_body(reply.ok.payload.to_bytes(), layout, Plain())
-            except PayloadError as error:
-                self._guard.reject(sender, error)
-                continue
-            if header.agent != self._agent and (
-                best is None or _reach(header) > _reach(best.header)
-            ):
-                best = Message(header, vector)
-        return best
-
-    def _state_layout(self) -> Layout:
-        return replace(self._layout, copies=1, codec="none")
-
     def __enter__(self) -> Self:
         return self
 
@@ -421,12 +272,4 @@ class Exchange:
         error: BaseException | None,
         tb: TracebackType | None,
     ) -> None:
-        if not self._session.is_closed():
-            self._subscriber.undeclare()
-            for publisher in self._publishers.values():
-                publisher.undeclare()
-
-
-def _reach(header: ParameterHeader) -> tuple[float, int]:
-    """How far a sender has come: what it has learned, or, where rounds are common, its round."""
-    return header.learned, header.round
+        self._resources.close()

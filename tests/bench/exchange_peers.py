@@ -79,7 +79,9 @@ class Ours:
         end = time.monotonic() + LIMIT
         for exchange in self._exchanges.values():  # their subscriptions may come after their tokens
             for neighbour in self._nearby:
-                publisher: Any = exchange._to(neighbour)  # zenoh's stubs err about its status
+                publisher: Any = exchange.dispatch.publisher(
+                    neighbour
+                )  # zenoh's stubs err about its status
                 while not publisher.matching_status.matching:
                     assert time.monotonic() < end, f"{neighbour} does not listen"
                     time.sleep(0.01)
