@@ -52,6 +52,7 @@ class Parcels:
         self._shared_memory = shared_memory
         self._provider: shm.ShmProvider | None = None
         self._size = 0
+        self._said = False  # that there was no room
 
     def wrap(self, body: bytes | bytearray) -> zenoh.ZBytes:
         """``body`` as something that can be sent to many at the cost of one copy."""
@@ -61,7 +62,9 @@ class Parcels:
             try:
                 return self._share(body)
             except zenoh.ZError as error:  # a pool that stuck receivers hold, no room in /dev/shm
-                log.debug("no shared memory for %d bytes: %s", len(body), error)
+                if not self._said:
+                    log.info("%d bytes without shared memory (%s; said once)", len(body), error)
+                self._said = True
         return zenoh.ZBytes(body)
 
     def _share(self, body: bytes | bytearray) -> zenoh.ZBytes:
