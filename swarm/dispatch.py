@@ -1,7 +1,7 @@
 """Parameters that go out: one publisher a neighbour, one message for all of them."""
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType, TracebackType
+from types import MappingProxyType
 from typing import Self
 
 import zenoh
@@ -92,12 +92,7 @@ class Dispatch:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if not self._session.is_closed():
             for publisher in self._publishers.values():
                 publisher.undeclare()

@@ -6,7 +6,6 @@ swarm in its present life, and when its body is finite and not absurdly long.
 
 import math
 from collections.abc import Collection
-from types import TracebackType
 from typing import Self
 
 import zenoh
@@ -128,11 +127,6 @@ class Reception:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if not self._session.is_closed():
             self._subscriber.undeclare()

@@ -7,7 +7,6 @@ Agents of another swarm are told of once and otherwise none of our business.
 """
 
 import logging
-from types import TracebackType
 from typing import Self
 
 import zenoh
@@ -95,12 +94,7 @@ class Refusals:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         if not self._session.is_closed():
             self._token.undeclare()
             self._subscriber.undeclare()

@@ -7,7 +7,6 @@ and recordings read one format.
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Annotated, Self, TypeVar, cast
 
 import msgspec
@@ -190,12 +189,7 @@ class TelemetryPublisher:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        tb: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._reports.undeclare()
         self._flights.undeclare()
 

@@ -8,7 +8,6 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import BinaryIO, Self
 
 from agent.errors import VehicleError
@@ -89,12 +88,7 @@ class Vehicle:
         log.info("%s is on %s", talk.name, self.text)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def close(self) -> None:
