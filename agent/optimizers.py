@@ -54,7 +54,7 @@ Optimizer = Sgd | Adam
 def decayed(config: Optimizer, round_: int, rounds: int) -> Optimizer:
     """The optimiser of one round, from 0, of so many: its step as :attr:`Sgd.decay` has it."""
     left, falling = rounds - round_, config.decay * rounds
-    if left >= falling:
+    if not config.decay or left >= falling:  # asynchronous agents play more rounds than there are
         return config
     return replace(config, step=config.step * max(left, 0) / falling)
 

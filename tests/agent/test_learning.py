@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from msgspec.structs import replace
 
 from agent.optimizers import Adam, Ascent, Optimizer, Sgd, decayed
 from agent.policies import entropy_gradient, score_sum, softmax
@@ -62,4 +63,6 @@ def test_the_step_falls_in_a_line_over_the_last_rounds(config: Optimizer) -> Non
     steps = [decayed(config, round_, 10).step for round_ in range(11)]
     np.testing.assert_allclose(steps, [0.5] * 7 + [0.375, 0.25, 0.125, 0.0])
     assert decayed(config, 0, 10) is config
+    constant = replace(config, decay=0.0)
+    assert decayed(constant, 12, 10) is constant  # more rounds than were asked for
     assert type(decayed(config, 9, 10)) is type(config)
