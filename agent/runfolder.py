@@ -6,6 +6,7 @@
         config.json           the resolved swarm file
         versions.json         of Python and the packages that matter
         result.json           what the final table shows
+        eval.json             how far the learned policy flew (`swarm eval`)
         events.jsonl          what `swarm up` saw: faults, agents that ended or started again
         recording.rrd         for Rerun
         metrics/drone0.jsonl  one swarm.telemetry.RoundReport a line
@@ -46,6 +47,11 @@ class RunFolder:
     def result(self) -> Path:
         """Numbers of the final table."""
         return self.path / "result.json"
+
+    @property
+    def evaluation(self) -> Path:
+        """Flights of the learned policy."""
+        return self.path / "eval.json"
 
     @property
     def events(self) -> Path:

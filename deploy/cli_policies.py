@@ -43,6 +43,7 @@ def evaluate(
     """Fly a learned policy in every world, greedily and by its dice; also writes RUN/eval.json."""
     import msgspec  # noqa: PLC0415
 
+    from agent.runfolder import RunFolder  # noqa: PLC0415
     from deploy.evaluate import evaluate as start  # noqa: PLC0415
     from deploy.evaluate import print_evaluation  # noqa: PLC0415
 
@@ -51,7 +52,7 @@ def evaluate(
     )
     text = msgspec.json.format(msgspec.json.encode(result), indent=2)
     if source.is_dir():
-        (source / "eval.json").write_bytes(text)
+        RunFolder(source).evaluation.write_bytes(text)
     print(text.decode()) if json else print_evaluation(result)
 
 

@@ -47,7 +47,7 @@ def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None
 
     code, output = run("eval", folder.path, "--flights", "4", "--json", cwd=tmp_path)
     assert code == 0, output
-    kept = json.loads((folder.path / "eval.json").read_text())
+    kept = json.loads(folder.evaluation.read_text())
     assert kept["measure"] == "return"
     assert len(kept["cells"]) == len(MEMBERS)
     greedy = [cells[0]["mean"] for cells in kept["cells"].values()]
@@ -78,7 +78,7 @@ def test_drones_learn_from_pictures(tmp_path: Path) -> None:
     scene = ["--scene", "indoor-pyramid", "--flights", "2"]
     code, output = run("eval", folder.path, *scene, "--agent", "drone1", cwd=tmp_path)
     assert code == 0, output
-    text = (folder.path / "eval.json").read_bytes()
+    text = folder.evaluation.read_bytes()
     evaluation = json.loads(text)
     assert evaluation["agent"] == "drone1"
     assert 0 < evaluation["cells"]["indoor-pyramid"][0]["mean"] < 1000

@@ -89,7 +89,7 @@ def study(
 
 
 def _evaluation(run: Run) -> Evaluation:
-    return msgspec.json.decode((run.folder.path / "eval.json").read_bytes(), type=Evaluation)
+    return msgspec.json.decode(run.folder.evaluation.read_bytes(), type=Evaluation)
 
 
 def _compare(five: Sequence[Run]) -> dict[Mode, Matrix]:

@@ -20,7 +20,6 @@ from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError
 
 POLL = 2.0  # [s]
-EVALUATION = "eval.json"  # in the run folder
 STOP_LIMIT = 20.0  # [s] for a run to write its checkpoints
 
 
@@ -62,7 +61,7 @@ def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
 def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], None]) -> None:
     """Fly every run that has not been flown with as many flights."""
     for run in runs:
-        path = run.folder.path / EVALUATION
+        path = run.folder.evaluation
         if path.exists():
             kept = msgspec.json.decode(path.read_bytes(), type=Evaluation)
             if all(cell.flights >= flights for cells in kept.cells.values() for cell in cells):
@@ -128,7 +127,7 @@ def _start(run: Run) -> subprocess.Popen[bytes]:
     folder = run.folder.path
     folder.parent.mkdir(parents=True, exist_ok=True)
     if run.begun:
-        (folder / EVALUATION).unlink(missing_ok=True)
+        run.folder.evaluation.unlink(missing_ok=True)
         order = ["up", "--resume", str(folder), "--set", f"rounds={run.config.rounds}"]
     else:
         if run.folder.config.exists():  # stopped before its first checkpoint

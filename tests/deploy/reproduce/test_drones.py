@@ -69,7 +69,7 @@ def pretend(run: Run, metres: dict[str, float]) -> None:
         for world, mean in metres.items()
     }
     evaluation = Evaluation(str(run.folder.path), None, "m", 0, cells)
-    (run.folder.path / "eval.json").write_bytes(msgspec.json.encode(evaluation))
+    run.folder.evaluation.write_bytes(msgspec.json.encode(evaluation))
 
 
 @pytest.mark.parametrize(("swarm", "good"), [(90.0, True), (30.0, False)])
