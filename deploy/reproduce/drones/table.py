@@ -76,8 +76,8 @@ def study(
             "SA-i learned alone in world i; DCPG is one policy, the mean of four agents' "
             "parameters. All runs of an estimator have the same settings and the same number of "
             "steps of every drone; only Adam's step is 4e-4 in the swarm of four and 1e-4 (the "
-            "paper's) alone, because the mean of four agents' steps is what moves a swarm. It is "
-            "constant for the first 60% of the rounds and falls in a line to 0 after.",
+            "paper's) alone, because the mean of four agents' steps is what moves a swarm. It "
+            "falls in a line to 0 from the first round to the last.",
             "The paper does not say how its policies chose when they were judged: stochastic "
             "flights draw every action from the policy, greedy ones take the likeliest.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
