@@ -27,10 +27,10 @@ class Claim(msgspec.Struct, frozen=True):
     Attributes:
         what: the quantity and where it is.
         paper: what the print says ("" where it is silent).
-        corrected: the corrected formula's value, or what is required here.
+        corrected: the corrected formula's value, or what is required here; "" for a mere
+            observation.
         ours: what came out.
-        holds: whether ours agrees with ``corrected`` (or, where that is empty, with the paper);
-            true of a mere observation, for which both are empty.
+        holds: whether ours agrees with ``corrected``; true of an observation.
     """
 
     what: str
@@ -42,7 +42,7 @@ class Claim(msgspec.Struct, frozen=True):
     @property
     def mark(self) -> str:
         """What stands at the end of its line."""
-        return ("✔" if self.holds else "✘") if self.paper or self.corrected else ""
+        return ("✔" if self.holds else "✘") if self.corrected else ""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Options:
 
     Attributes:
         out: folder for what it writes.
-        seeds: number of independent repetitions, seeds 0, 1, ...
+        seeds: number of independent repetitions.
         quick: shorter and coarser: shows that everything works, proves less.
         say: tells the user how far it is.
     """

@@ -100,6 +100,7 @@ def drones(
     budget: Annotated[
         int, typer.Option(min=1, help="Steps of every drone; 4000 episodes of 150 by default.")
     ] = 600_000,
+    seeds: Annotated[int, typer.Option(min=1, help="Repetitions of all, seeds 1, 2, ...")] = 1,
     flights: Annotated[int, typer.Option(min=1, help="Per policy, world and mode.")] = 100,
     jobs: Annotated[
         int, typer.Option(min=0, help="Agents that learn at a time; 0: one per core.")
@@ -130,7 +131,7 @@ def drones(
                 told = time.monotonic()
                 errors.print(text)
 
-        options = Options(out / "drones", 1, False, say)
+        options = Options(out / "drones", seeds, False, say)
 
         def whole(options: Options) -> Findings:
             workers = jobs or os.cpu_count() or 1

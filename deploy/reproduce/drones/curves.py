@@ -24,21 +24,24 @@ def curve(folder: RunFolder, agent: str) -> Curve:
 
 
 def draw(runs: Sequence[Run], worlds: Sequence[str], path: Path) -> Path:
-    """One row an estimator, one panel a world: the swarm's agent and the agent alone."""
+    """One row an estimator, one panel a world: the swarm's agent and the agent alone, by seed."""
     estimators = list(dict.fromkeys(run.estimator for run in runs))
+    seeds = list(dict.fromkeys(run.config.seed for run in runs))
     figure, axes = figures.canvas(len(worlds), len(estimators), size=(2.6, 2.2))
-    by_label = {run.label: run for run in runs}
+    by_key = {(run.estimator, run.name, run.config.seed): run for run in runs}
     for row, estimator in enumerate(estimators):
-        together = by_label[f"{estimator} {SWARM}"]
         for column, world in enumerate(worlds):
             panel = axes[row, column]
-            alone = by_label[f"{estimator} sa-{column}"]
-            for run, agent, colour, name in (
-                (together, together.config.members[column], figures.BLUE, "DCPG"),
-                (alone, alone.config.members[0], figures.ORANGE, f"SA-{column}"),
-            ):
-                steps, lengths = curve(run.folder, agent)
-                panel.plot(steps / 1000, lengths, color=colour, label=name)
+            for seed in seeds:
+                together = by_key[estimator, SWARM, seed]
+                alone = by_key[estimator, f"sa-{column}", seed]
+                for run, agent, colour, name in (
+                    (together, together.config.members[column], figures.BLUE, "DCPG"),
+                    (alone, alone.config.members[0], figures.ORANGE, f"SA-{column}"),
+                ):
+                    steps, lengths = curve(run.folder, agent)
+                    once = name if seed == seeds[0] else None
+                    panel.plot(steps / 1000, lengths, color=colour, label=once)
             side = "mean safe flight [m]" if column == 0 else ""
             below = "thousand steps of a drone" if row == len(estimators) - 1 else ""
             figures.label(panel, f"{estimator.upper()}, {world}", below, side)

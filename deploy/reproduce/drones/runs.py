@@ -1,4 +1,4 @@
-"""The fifteen runs of the drone experiment: for each estimator one swarm and four agents alone.
+"""The runs of the drone experiment: for each estimator and seed a swarm and four agents alone.
 
 Every run is a swarm like any other; an agent alone is a swarm of one.  All runs take the same
 number of environment steps per agent.  A swarm of N moves by the mean of its agents' steps, so its
@@ -41,7 +41,7 @@ class Run:
     @property
     def label(self) -> str:
         """Its name for people."""
-        return f"{self.estimator} {self.name}"
+        return f"{self.estimator} {self.name} seed {self.config.seed}"
 
     @property
     def begun(self) -> bool:
@@ -94,7 +94,7 @@ def steps_per_round(config: SwarmFile) -> int:
 
 
 def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
-    """The five runs of an estimator, the swarm first.
+    """The five runs of an estimator and a seed, the swarm first.
 
     Args:
         root: folder of all runs.
@@ -119,7 +119,7 @@ def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
         Run(
             estimator,
             name,
-            RunFolder(root / estimator / name),
+            RunFolder(root / f"seed{seed}" / estimator / name),
             msgspec.structs.replace(
                 config,
                 network=msgspec.structs.replace(config.network, base_port=first + PORTS * i),

@@ -47,7 +47,7 @@ def study(
     """Train, fly and compare.
 
     Args:
-        options: where to write, how to say how far it is; ``seeds`` is not used: one seed.
+        options: where to write, how to say how far it is, seeds 1, 2, ...
         estimators: which of :data:`ESTIMATORS`.
         budget: environment steps of every agent.
         flights: per policy, world and mode.
@@ -57,20 +57,22 @@ def study(
     """
     claims, data, runs = [], {}, []
     for estimator in estimators:
-        five = plan(root, estimator, budget, seed=1)
-        train(five, jobs, options.say)
-        assess(five, flights, jobs, options.say)
-        for run in five:
+        by_seed = [plan(root, estimator, budget, seed) for seed in range(1, options.seeds + 1)]
+        these = [run for five in by_seed for run in five]
+        train(these, jobs, options.say)
+        assess(these, flights, jobs, options.say)
+        for run in these:
             tell(f"{run.label}: {run.steps:,} steps in {run.seconds:.0f} s")
-        found = _compare(five)
+        found = {mode: np.array([_matrix(five, mode) for five in by_seed]) for mode in MODES}
         for mode in MODES:
             claims += _claims(estimator, mode, found[mode])
-        data[estimator] = _record(five, found)
-        runs += five
+        data[estimator] = _record(by_seed, found)
+        runs += these
     for mode in MODES:
-        claims.append(_cells(mode, {name: np.array(data[name][mode]) for name in estimators}))
+        claims.append(_cells(mode, {name: data[name][mode] for name in estimators}))
+    flown = f"{flights} flights" + (f", mean of {len(by_seed)} seeds" if len(by_seed) > 1 else "")
     return Findings(
-        title=f"Drones: mean safe flight, {budget:,} steps of every drone, {flights} flights",
+        title=f"Drones: mean safe flight, {budget:,} steps of every drone, {flown}",
         claims=claims,
         notes=[
             "SA-i learned alone in world i; DCPG is one policy, the mean of four agents' "
@@ -78,6 +80,8 @@ def study(
             "steps of every drone; only Adam's step is 4e-4 in the swarm of four and 1e-4 (the "
             "paper's) alone, because the mean of four agents' steps is what moves a swarm. It "
             "falls in a line to 0 from the first round to the last.",
+            "With several seeds the matrix is their mean, every claim is about that mean, and what "
+            "each seed alone comes to stands beside it in parentheses.",
             "The paper does not say how its policies chose when they were judged: stochastic "
             "flights draw every action from the policy, greedy ones take the likeliest.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
@@ -92,45 +96,62 @@ def _evaluation(run: Run) -> Evaluation:
     return msgspec.json.decode(run.folder.evaluation.read_bytes(), type=Evaluation)
 
 
-def _compare(five: Sequence[Run]) -> dict[Mode, Matrix]:
-    """(5, 6) mean safe flights by mode: SA-0 to SA-3 and DCPG, trained worlds first."""
+def _matrix(five: Sequence[Run], mode: Mode) -> Matrix:
+    """(5, 6) mean safe flights of one seed: SA-0 to SA-3 and DCPG, trained worlds first."""
     ordered = [*five[1:], five[0]]
-    return {
-        mode: np.array([[_evaluation(run).mean(w, mode) for w in NAMES] for run in ordered])
-        for mode in MODES
-    }
+    return np.array([[_evaluation(run).mean(world, mode) for world in NAMES] for run in ordered])
+
+
+def _ratio(found: Matrix) -> float:
+    """DCPG's sum over the trained worlds, by that of the best single agent."""
+    sums = found[:, : len(TRAINED)].sum(axis=1)
+    return float(sums[-1] / sums[:-1].max())
+
+
+def _margin(found: Matrix) -> Matrix:
+    """DCPG's flights in the unseen worlds, by those of the best single agent."""
+    unseen = found[:, len(TRAINED) :]
+    return np.asarray(unseen[-1] / unseen[:-1].max(axis=0))
+
+
+def _beside(claim: Claim, each: Sequence[float]) -> Claim:
+    """The claim with what each seed alone comes to, if there are several."""
+    if len(each) == 1:
+        return claim
+    listed = ", ".join(f"{value:.2f}" for value in each)
+    return msgspec.structs.replace(claim, ours=f"{claim.ours} ({listed})")
 
 
 def _claims(estimator: str, mode: Mode, found: Matrix) -> list[Claim]:
+    """What is claimed of (seeds, 5, 6) mean safe flights."""
     seen = len(TRAINED)
-    paper = np.array(PAPER[estimator])
+    mean, paper = found.mean(axis=0), np.array(PAPER[estimator])
     claims = []
     for name, row, theirs in zip(
-        ("SA-0", "SA-1", "SA-2", "SA-3", "DCPG"), found, paper, strict=True
+        ("SA-0", "SA-1", "SA-2", "SA-3", "DCPG"), mean, paper, strict=True
     ):
         ours = " ".join(f"{v:.1f}" for v in row[:seen])
         unseen = " ".join(f"{v:.1f}" for v in row[seen:])
         print_ = " ".join(f"{v:.1f}" for v in theirs) + f", sum {theirs.sum():.1f}"
         text = f"{ours}, sum {row[:seen].sum():.1f}; unseen {unseen}"
         claims.append(Claim(f"{estimator}, {mode}: {name} [m]", print_, "", text, holds=True))
-    sums, printed = found[:, :seen].sum(axis=1), paper.sum(axis=1)
-    claims.append(
-        bounded(
-            f"{estimator}, {mode}: DCPG's sum / best SA's",
-            float(sums[-1] / sums[:-1].max()),
-            low=2.5,
-            paper=f"{printed[-1] / printed[:-1].max():.1f}",
-        )
-    )
-    margin = found[-1, seen:] / found[:-1, seen:].max(axis=0)
-    for name, ratio in zip(UNSEEN, margin, strict=True):
-        what = f"{estimator}, {mode}: unseen {name}, DCPG / best SA"
-        claims.append(bounded(what, float(ratio), low=1.0))
+    what = f"{estimator}, {mode}: DCPG's sum / best SA's"
+    ratio = bounded(what, _ratio(mean), low=2.5, paper=f"{_ratio(paper):.1f}")
+    claims.append(_beside(ratio, [_ratio(one) for one in found]))
+    for i, world in enumerate(UNSEEN):
+        what = f"{estimator}, {mode}: unseen {world}, DCPG / best SA"
+        margin = bounded(what, float(_margin(mean)[i]), low=1.0)
+        claims.append(_beside(margin, [float(_margin(one)[i]) for one in found]))
     return claims
 
 
 def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
-    """In how many worlds the swarm flies nearly as far as who learned there alone."""
+    """In how many worlds the swarm flies nearly as far as who learned there alone.
+
+    Args:
+        mode: how actions were chosen.
+        found: (5, 6) mean safe flights by estimator.
+    """
     ratios = np.array([m[-1, : len(TRAINED)] / np.diag(m)[: len(TRAINED)] for m in found.values()])
     good, cells = int((ratios >= 0.9).sum()), ratios.size
     need = round(10 / 12 * cells)
@@ -147,21 +168,23 @@ def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
     )
 
 
-def _record(five: Sequence[Run], found: dict[Mode, Matrix]) -> dict[str, Any]:
+def _record(by_seed: Sequence[Sequence[Run]], found: dict[Mode, Matrix]) -> dict[str, Any]:
     """What the JSON keeps of an estimator."""
-    names = [*(run.name for run in five[1:]), five[0].name]
-    record: dict[str, Any] = {"policies": names, "worlds": list(NAMES)}
-    record |= {str(mode): found[mode] for mode in MODES}
-    record["flights"] = {run.name: msgspec.to_builtins(_evaluation(run).cells) for run in five}
-    record["runs"] = {
-        run.name: {
-            "steps": run.steps,
-            "seconds": round(run.seconds, 1),
-            "rounds": run.config.rounds,
-            "step": run.config.optimizer.step,
-            "seed": run.config.seed,
-            "curves": {a: curve(run.folder, a) for a in run.config.members},
-        }
-        for run in five
-    }
+    swarm, *alone = [run.name for run in by_seed[0]]
+    record: dict[str, Any] = {"policies": [*alone, swarm], "worlds": list(NAMES)}
+    record |= {str(mode): found[mode].mean(axis=0) for mode in MODES}
+    record["runs"] = [_record_run(run) for five in by_seed for run in five]
     return record
+
+
+def _record_run(run: Run) -> dict[str, Any]:
+    return {
+        "policy": run.name,
+        "seed": run.config.seed,
+        "steps": run.steps,
+        "seconds": round(run.seconds, 1),
+        "rounds": run.config.rounds,
+        "step": run.config.optimizer.step,
+        "flights": _evaluation(run).cells,
+        "curves": {agent: curve(run.folder, agent) for agent in run.config.members},
+    }

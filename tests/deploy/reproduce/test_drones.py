@@ -72,10 +72,9 @@ def pretend(run: Run, metres: dict[str, float]) -> None:
     run.folder.evaluation.write_bytes(msgspec.json.encode(evaluation))
 
 
-@pytest.mark.parametrize(("swarm", "good"), [(90.0, True), (30.0, False)])
-def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool) -> None:
-    root = tmp_path / "runs"
-    for run in plan(root, "ppo", budget=4 * 1024, seed=1):
+def fill(root: Path, seed: int, swarm: float) -> None:
+    """All runs of a seed: the swarm flies so far everywhere, agents alone 80 m at home, else 5."""
+    for run in plan(root, "ppo", budget=4 * 1024, seed=seed):
         home = int(run.name[-1]) if run.name.startswith("sa") else None
         metres = {
             world: swarm if home is None else (80.0 if i == home else 5.0)
@@ -83,6 +82,12 @@ def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool
         }
         pretend(run, metres)
         assert run.finished
+
+
+@pytest.mark.parametrize(("swarm", "good"), [(90.0, True), (30.0, False)])
+def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool) -> None:
+    root = tmp_path / "runs"
+    fill(root, 1, swarm)
     options = Options(tmp_path / "out", 1, False, lambda text: None)
     options.out.mkdir()
     told: list[str] = []
@@ -96,8 +101,28 @@ def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool
     assert cells.ours.startswith("4 of 4" if good else "0 of 4")
     assert cells.holds == good
     assert len(told) == 5
-    assert found.data["ppo"]["runs"]["dcpg"]["steps"] == 4 * 4 * 1024
+    assert found.data["ppo"]["runs"][0]["policy"] == "dcpg"
+    assert found.data["ppo"]["runs"][0]["steps"] == 4 * 4 * 1024
     assert found.figures[0].stat().st_size > 1000
+
+
+def test_claims_are_about_the_mean_of_all_seeds(tmp_path: Path) -> None:
+    root = tmp_path / "runs"
+    fill(root, 1, 90.0)
+    fill(root, 2, 30.0)
+    options = Options(tmp_path / "out", 2, False, lambda text: None)
+    options.out.mkdir()
+    found = table.study(options, ["ppo"], 4 * 1024, root=root, tell=lambda text: None)
+    claims = {claim.what: claim for claim in found.claims}
+    ratio = claims["ppo, greedy: DCPG's sum / best SA's"]
+    assert ratio.ours == f"{4 * 60 / 95:.3f} ({4 * 90 / 95:.2f}, {4 * 30 / 95:.2f})"
+    unseen = claims["ppo, greedy: unseen indoor-techno, DCPG / best SA"]
+    assert unseen.ours == "12.000 (18.00, 6.00)"
+    assert claims["greedy: cells where DCPG >= 0.9 of SA-i in world i"].ours.startswith("0 of 4")
+    assert [(run["policy"], run["seed"]) for run in found.data["ppo"]["runs"]] == [
+        (name, seed) for seed in (1, 2) for name in ("dcpg", "sa-0", "sa-1", "sa-2", "sa-3")
+    ]
+    assert "mean of 2 seeds" in found.title
 
 
 @pytest.mark.parametrize("budget", [5, 40])
