@@ -10,12 +10,12 @@ from agent.runfolder import RunFolder
 from deploy.reproduce import figures
 from deploy.reproduce.drones.runs import SWARM, Run
 
-POINTS = 60  # of a curve
+POINTS = 30  # of a curve
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]  # steps, mean safe flight [m]
 
 
 def curve(folder: RunFolder, agent: str) -> Curve:
-    """Mean safe flight while learning: every point is the mean of a sixtieth of the run."""
+    """Mean safe flight while learning: every point is the mean of a thirtieth of the run."""
     reports = [r for r in folder.reports(agent) if r.distance is not None]
     pieces = np.array_split(np.arange(len(reports)), min(POINTS, len(reports)))
     steps = [reports[piece[-1]].steps for piece in pieces]
