@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import msgspec
@@ -60,8 +61,7 @@ class Chaos:
             at, fault, action = self.due.pop(0)
             self._delay(fault, now - at)
             for agent, what in action.signals:
-                if agent in pids:
-                    os.kill(pids[agent], what)
+                _send(what, agent, pids)
             for command in action.commands:
                 _run(command)
             for agent, by in action.jumps:
@@ -97,10 +97,17 @@ class Chaos:
             if not action.label.startswith("end of "):
                 continue
             for agent, what in action.signals:
-                if agent in pids and what == signal.SIGCONT:
-                    os.kill(pids[agent], what)
+                if what == signal.SIGCONT:
+                    _send(what, agent, pids)
             for command in action.commands:
                 subprocess.run(command, capture_output=True, check=False, timeout=10)
+
+
+def _send(what: signal.Signals, agent: str, pids: Mapping[str, int]) -> None:
+    """Signal an agent's process, unless it has ended, which may be since ``pids`` was written."""
+    if agent in pids:
+        with suppress(ProcessLookupError):
+            os.kill(pids[agent], what)
 
 
 def _run(command: tuple[str, ...]) -> None:

@@ -2,6 +2,8 @@
 
 import math
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -68,6 +70,20 @@ def test_nothing_happens_before_its_time_and_each_thing_once(tmp_path: Path) -> 
     assert chaos.advance(103.9, 60, {}) == []
     assert chaos.advance(104.0, 60, {}) == ["end of freeze drone1"]
     assert chaos.advance(999.0, 99, {}) == []
+
+
+def test_a_process_that_has_just_ended_takes_no_signal(tmp_path: Path) -> None:
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    chaos = Chaos(
+        load(FILE),
+        [Fault(kind="freeze", agents=("drone0",), seconds=2.0)],
+        Clocks(tmp_path, frozenset()),
+    )
+    chaos.started = 100.0
+    pids = {"drone0": ended.pid}
+    assert chaos.advance(100.0, 0, pids) == ["freeze drone0"]
+    chaos.undo(pids)
 
 
 @pytest.mark.parametrize(
