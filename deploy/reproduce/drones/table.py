@@ -70,7 +70,9 @@ def study(
         runs += these
     for mode in MODES:
         claims.append(_cells(mode, {name: data[name][mode] for name in estimators}))
-    flown = f"{flights} flights" + (f", mean of {len(by_seed)} seeds" if len(by_seed) > 1 else "")
+    flown = f"{flights} flights"
+    if options.seeds > 1:
+        flown += f", mean of {options.seeds} seeds"
     return Findings(
         title=f"Drones: mean safe flight, {budget:,} steps of every drone, {flown}",
         claims=claims,

@@ -65,6 +65,12 @@ def test_claims_judge() -> None:
     assert not at_most("x", float("nan"), 1.0).holds
 
 
+def test_a_line_that_requires_nothing_has_no_mark() -> None:
+    assert Claim("what", "1", "", "2", holds=True).mark == ""
+    assert Claim("what", "1", "2", "2", holds=True).mark == "✔"
+    assert Claim("what", "1", "2", "3", holds=False).mark == "✘"
+
+
 def test_markdown_has_a_line_for_each_claim() -> None:
     claim = Claim("what | where", "1", "2", "2", holds=True)
     page = markdown(Findings("Title", [claim], ["note"], {}, [Path("a/b.png")]), {"seeds": 1})
