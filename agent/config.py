@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Protocol
 import msgspec
 from msgspec.structs import replace
 
-from agent.estimators import Estimator, Exact
+from agent.estimators import ActorCritic, Estimator, Exact
 from agent.optimizers import Adam, Optimizer, Sgd, decayed
 from agent.policies import Policy, Tabular
 from agent.strict import convert, override, read_toml
@@ -155,6 +155,11 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Whether the optimiser's moments travel with the parameters."""
         return isinstance(self.optimizer, Adam) and self.optimizer.mix_moments
 
+    @property
+    def mixes_critic(self) -> bool:
+        """Whether there is a value head and it travels with the policy."""
+        return isinstance(self.estimator, ActorCritic) and self.estimator.mix_critic
+
     def optimizer_at(self, round_: int) -> Optimizer:
         """The optimiser of one round, from 0."""
         return decayed(self.optimizer, round_, self.rounds)
@@ -221,6 +226,7 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
                 )
         _check_pace(config)
         _check_training(config)
+        _check_critic(config)
         _check_security(config)
         check(config.topology, config.members)
     except ConfigError as error:
@@ -253,6 +259,20 @@ def _check_training(config: SwarmFile) -> None:
         raise ConfigError(
             'estimator.kind = "exact" asks the model of a tabular task: expected "reinforce", '
             '"a2c" or "ppo" for a network'
+        )
+
+
+def _check_critic(config: SwarmFile) -> None:
+    """A critic that does not travel is a network's, and so are its moments, which do not either."""
+    if not isinstance(config.estimator, ActorCritic) or config.mixes_critic:
+        return
+    if isinstance(config.policy, Tabular):
+        raise ConfigError(
+            'estimator.mix_critic = false: expected policy.kind = "network" or "c3f2" with it'
+        )
+    if config.mixes_moments:
+        raise ConfigError(
+            "optimizer.mix_moments = true: expected estimator.mix_critic = true with it"
         )
 
 

@@ -89,7 +89,7 @@ class Learner(Protocol):
 
     @property
     def optimizer_state(self) -> dict[str, Vector]:
-        """What the optimiser remembers; a checkpoint keeps it and puts it back."""
+        """What the optimiser remembers, and a critic of the agent's own; kept in checkpoints."""
         ...
 
     def initial(self) -> Vector:

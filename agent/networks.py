@@ -58,7 +58,7 @@ class PolicyNetwork(nn.Module):
         trunk: from there to features (N, d).
         features: d.
         actions: number of actions.
-        critic: whether there is a value head.
+        critic: whether there is a value head; its parameters are the last.
     """
 
     def __init__(

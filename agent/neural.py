@@ -2,7 +2,8 @@
 
 A round flies (:mod:`agent.rollout`), weighs every step as the estimator says, and climbs in one or
 several optimiser steps at the agent's own parameters.  Their sum is what the swarm adds to the
-mixed parameters.  Objective per step of a flight, with ``w`` from the estimator:
+mixed parameters; with ``estimator.mix_critic = false`` the value head keeps its own instead.
+Objective per step of a flight, with ``w`` from the estimator:
 
     w log pi(a|s)  +  lambda mean_a log pi(a|s)  -  value_weight (target - V(s))^2
 
@@ -13,6 +14,7 @@ also go on with the flights of the round before, and begin new ones after a rest
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import gymnasium
@@ -88,6 +90,7 @@ class NeuralLearner:
             raise TaskError(f'agent "{agent}": {error}') from None
         self._flat = FlatNetwork(network)
         self._initial = self._flat.theta.cpu().numpy().copy()
+        self._size = sum(prod(shape) for _, shape in self.parts)
         others = [make_world(config, agent) for _ in range(config.training.worlds - 1)]
         self._worlds = Worlds([first, *others], estimator.gamma, estimator.horizon)
         self._random = np.random.default_rng(0)
@@ -104,10 +107,13 @@ class NeuralLearner:
 
     @property
     def parts(self) -> Parts:
-        return self._flat.parts
+        return tuple(part for part in self._flat.parts if self._travels(part[0]))
+
+    def _travels(self, name: str) -> bool:
+        return self._config.mixes_critic or not name.startswith("value.")
 
     def initial(self) -> Vector:
-        return self._initial.copy()
+        return self._initial[: self._size].copy()
 
     def route(self, theta: Vector) -> tuple[int, ...]:
         """Empty: nobody knows where a network would lead."""
@@ -119,7 +125,8 @@ class NeuralLearner:
     def step(self, theta: Vector, round_: int) -> Step:
         training = self._config.training
         self._random = np.random.default_rng((self._config.seed, self._agent, round_))
-        self._flat.load(theta)
+        own = self.optimizer_state.get("critic", self._initial[self._size :])
+        self._flat.load(np.concatenate([theta, own]))
         seeds = self._random.integers(2**31, size=training.worlds)
         if not training.segment:
             stretches, ended = self._worlds.episodes(self._act, self._estimator.episodes, seeds)
@@ -136,8 +143,11 @@ class NeuralLearner:
                 sum(flight.steps for flight in ended),
                 float(np.mean(distances)) if distances else None,
             )
+        learned = self._flat.theta.cpu().numpy()
+        if own.size:
+            self.optimizer_state["critic"] = learned[self._size :].copy()
         return Step(
-            vector=self._flat.theta.cpu().numpy() - theta,
+            vector=learned[: self._size] - theta,
             value=self._last.value,
             episodes=len(ended),
             steps=sum(len(stretch.rewards) for stretch in stretches),

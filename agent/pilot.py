@@ -20,7 +20,6 @@ from safetensors.numpy import save
 
 from agent.config import load
 from agent.errors import CheckpointError
-from agent.estimators import ActorCritic
 from agent.flat import FlatNetwork
 from agent.networks import build
 from agent.neural import make_world
@@ -104,8 +103,7 @@ class Pilot:
         world.close()
         assert isinstance(seen, spaces.Box)
         assert isinstance(acts, spaces.Discrete)
-        critic = isinstance(config.estimator, ActorCritic)
-        form = Form(config.policy, seen.shape, str(seen.dtype), int(acts.n), critic)
+        form = Form(config.policy, seen.shape, str(seen.dtype), int(acts.n), config.mixes_critic)
         thetas = [folder.newest(member).theta for member in members]
         mean = np.asarray(np.mean(thetas, axis=0, dtype=np.float64), np.float32)
         if config.mixes_moments:

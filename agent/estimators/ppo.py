@@ -10,13 +10,14 @@ from agent.estimators.sampling import Count, Sampling, Unit, Weight
 class PPO(Sampling, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="ppo"):
     """Attributes beside those of :class:`Sampling`:
 
-    trace, value_weight: see :class:`~agent.estimators.a2c.A2C`.
+    trace, value_weight, mix_critic: see :class:`~agent.estimators.a2c.A2C`.
     clip: how far the ratio may go from 1 while there is more to gain.
     epochs: optimiser steps from the same episodes; their sum is the round's step.
     """
 
     trace: Unit = 1.0
     value_weight: Weight = 0.5
+    mix_critic: bool = True
     clip: Annotated[float, msgspec.Meta(gt=0)] = 0.2
     epochs: Count = 4
 

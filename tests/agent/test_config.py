@@ -11,6 +11,7 @@ from swarm.errors import ConfigError
 
 FILES = sorted((Path(__file__).parents[2] / "deploy" / "swarms").glob("*.toml"))
 FILE = Path(__file__).parents[2] / "deploy" / "swarms" / "gridworld-a.toml"
+CARTPOLE = FILE.with_name("cartpole.toml")
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
@@ -77,6 +78,27 @@ def test_a_mistake_is_one_line_with_key_value_and_what_was_expected(
     text = str(error.value)
     assert all(word in text for word in words), text
     assert "\n" not in text
+
+
+@pytest.mark.parametrize(
+    ("settings", "says"),
+    [
+        (
+            ["optimizer.mix_moments=true"],
+            "optimizer.mix_moments = true: expected estimator.mix_critic = true",
+        ),
+        (
+            ["policy={kind='tabular'}", "training={}"],
+            "estimator.mix_critic = false: expected policy.kind",
+        ),
+    ],
+)
+def test_a_critic_at_home_is_a_networks_and_so_are_its_moments(
+    settings: list[str], says: str
+) -> None:
+    with pytest.raises(ConfigError) as error:
+        load(CARTPOLE, ["estimator.mix_critic=false", *settings])
+    assert says in str(error.value)
 
 
 def test_no_decay_by_rounds_where_everybody_plays_its_own() -> None:

@@ -177,6 +177,32 @@ def test_moments_travel_when_asked_to() -> None:
     )
 
 
+def test_a_critic_that_does_not_travel_learns_at_home() -> None:
+    training = Training(worlds=2, segment=16)
+    settings = config(A2C(trace=0.9, mix_critic=False), training)
+    learner = NeuralLearner(settings, "drone0")
+    plain = NeuralLearner(config(A2C(trace=0.9), training), "drone0")
+    theta, whole = learner.initial(), plain.initial()
+    size = theta.size
+    assert size == sum(int(np.prod(shape)) for _, shape in learner.parts)
+    assert [name for name, _ in plain.parts if name not in dict(learner.parts)] == [
+        "value.weight",
+        "value.bias",
+    ]
+    for round_ in range(2):
+        theta = theta + learner.step(theta, round_).vector
+        whole = whole + plain.step(whole, round_).vector
+    # Mixed with nobody, it is what an agent alone has.
+    np.testing.assert_array_equal(theta, whole[:size])
+    np.testing.assert_array_equal(learner.optimizer_state["critic"], whole[size:])
+    # And it is what the next step goes by.
+    kept = dict(learner.optimizer_state)
+    ours = learner.step(theta, 2).vector
+    other = NeuralLearner(settings, "drone0")
+    other.optimizer_state = kept | {"critic": kept["critic"] + 1}
+    assert not np.allclose(other.step(theta, 2).vector, ours)
+
+
 def _with_count(learner: MixedMoments, theta: Any) -> Any:
     return learner.step(theta, 5).vector
 
