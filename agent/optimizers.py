@@ -20,15 +20,12 @@ class Sgd(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="ki
 
     Attributes:
         step: alpha.
-        decay: share of the rounds, the last ones, over which the step falls to 0; the paper's is
-            constant.
-        decay_power: of the share of these rounds that is left, in the step: 1 is a line; 2 falls
-            faster at first and has more small steps, which noise disturbs less.
+        decay: share of the rounds, the last ones, over which the step falls in a line to 0; the
+            paper's is constant.
     """
 
     step: Positive = 0.5
     decay: Share = 0.0
-    decay_power: Positive = 1.0
 
 
 class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="adam"):
@@ -36,7 +33,7 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
 
     Attributes:
         step: step size.
-        decay, decay_power: as of :class:`Sgd`.
+        decay: as of :class:`Sgd`.
         beta1, beta2: decay of the first and second moment.
         epsilon: added to the root of the second moment.
         mix_moments: neighbours mix their moments as they mix their parameters
@@ -45,7 +42,6 @@ class Adam(msgspec.Struct, frozen=True, forbid_unknown_fields=True, tag_field="k
 
     step: Positive = 1e-4
     decay: Share = 0.0
-    decay_power: Positive = 1.0
     beta1: Fraction = 0.9
     beta2: Fraction = 0.999
     epsilon: Positive = 1e-8
@@ -60,8 +56,7 @@ def decayed(config: Optimizer, round_: int, rounds: int) -> Optimizer:
     left, falling = rounds - round_, config.decay * rounds
     if not config.decay or left >= falling:  # asynchronous agents play more rounds than there are
         return config
-    share = max(left, 0) / falling
-    return replace(config, step=config.step * share**config.decay_power)
+    return replace(config, step=config.step * max(left, 0) / falling)
 
 
 @dataclass(slots=True)

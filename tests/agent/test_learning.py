@@ -59,11 +59,9 @@ def test_adam_is_torch_adam(kind: type[np.floating]) -> None:
 
 
 @pytest.mark.parametrize("config", [Sgd(step=0.5, decay=0.4), Adam(step=0.5, decay=0.4)])
-def test_the_step_falls_over_the_last_rounds(config: Optimizer) -> None:
+def test_the_step_falls_in_a_line_over_the_last_rounds(config: Optimizer) -> None:
     steps = [decayed(config, round_, 10).step for round_ in range(11)]
     np.testing.assert_allclose(steps, [0.5] * 7 + [0.375, 0.25, 0.125, 0.0])
-    faster = [decayed(replace(config, decay_power=2.0), r, 10).step for r in (5, 7, 8, 10)]
-    np.testing.assert_allclose(faster, [0.5, 0.5 * 0.75**2, 0.125, 0.0])
     assert decayed(config, 0, 10) is config
     constant = replace(config, decay=0.0)
     assert decayed(constant, 12, 10) is constant  # more rounds than were asked for
