@@ -29,8 +29,9 @@ def short(rounds: int) -> list[str]:
 
 def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path / "run")
+    own = ["--set", "estimator.mix_critic=false"]
     with swarm(
-        "up", SWARMS / "cartpole.toml", "--run", folder.path, *short(60), cwd=tmp_path
+        "up", SWARMS / "cartpole.toml", "--run", folder.path, *short(60), *own, cwd=tmp_path
     ) as up:
         until(lambda: len(list(folder.reports("drone0"))) > 12, "a dozen rounds", PATIENCE)
         up.interrupt()
@@ -41,7 +42,11 @@ def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None
     code, output = run("up", "--resume", folder.path, "--no-record", cwd=tmp_path)
     assert code == 0, output
     assert "51,200" not in output
-    thetas = [folder.newest(agent).theta for agent in MEMBERS]
+    newest = [folder.newest(agent) for agent in MEMBERS]
+    critics = [kept.optimizer["critic"] for kept in newest]
+    assert all(critic.shape == (64 + 1,) for critic in critics)
+    assert not np.allclose(critics[0], critics[1])
+    thetas = [kept.theta for kept in newest]
     spread = max(float(np.linalg.norm(t - np.mean(thetas, axis=0))) for t in thetas)
     assert 0 < spread < 3  # they mix, and are not one
 
