@@ -108,10 +108,18 @@ def drones(
     runs: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the runs live; what is there goes on.")
     ] = Path("runs/drones"),
+    beside: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="A drones.json of this command, from elsewhere: what it has is not run again.",
+        ),
+    ] = None,
     out: Out = RESULTS,
     json: AsJson = False,
 ) -> None:
     """The drone experiment: Table 1 and Fig. 3; hours.  Stopped, it goes on where it was."""
+    from deploy.reproduce.drones.record import Record, read  # noqa: PLC0415
     from deploy.reproduce.drones.runs import ESTIMATORS  # noqa: PLC0415
     from deploy.reproduce.drones.table import study  # noqa: PLC0415
 
@@ -119,7 +127,14 @@ def drones(
         if name not in ESTIMATORS:
             raise typer.BadParameter(f'"{name}": expected one of {", ".join(ESTIMATORS)}')
     _need_figures()
-    chosen = [name for name in ESTIMATORS if name in (estimator or ESTIMATORS)]
+    kept: dict[str, Record] = {}
+    for file in beside or ():
+        for name, record in read(file).items():
+            if name in kept or name in (estimator or ()) or name not in ESTIMATORS:
+                raise SwarmError(f'{file}: "{name}": expected what is not given otherwise')
+            kept[name] = record
+    wanted = estimator or [name for name in ESTIMATORS if name not in kept]
+    chosen = [name for name in ESTIMATORS if name in wanted]
     errors, console = Console(stderr=True), _console()
     with errors.status("drones") as status:
         told = -math.inf
@@ -135,7 +150,7 @@ def drones(
 
         def whole(options: Options) -> Findings:
             workers = jobs or os.cpu_count() or 1
-            return study(options, chosen, budget, flights, workers, runs, errors.print)
+            return study(options, chosen, budget, flights, workers, runs, errors.print, kept)
 
         try:
             with stopping_at_signals():

@@ -97,6 +97,7 @@ def test_mistakes_are_one_line(tmp_path: Path) -> None:
         (["eval", "nothing.safetensors"], 'no file "nothing.safetensors"'),
         (["export", "nothing.safetensors", "--format", "onnx"], "nothing.safetensors"),
         (["reproduce", "drones", "--estimator", "sarsa"], '"sarsa": expected one of'),
+        (["reproduce", "drones", "--beside", "no.json"], "no.json: No such file"),
         (["up", str(SWARMS / "cartpole.toml"), "--set", 'estimator={kind="exact"}'], "exact"),
         (["up", str(SWARMS / "gridworld-a.toml"), "--set", "training.worlds=3"], "[training]"),
     ]

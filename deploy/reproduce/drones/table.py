@@ -1,17 +1,17 @@
 """Table 1: mean safe flight [m] of every policy in every world, ours beside the paper's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from deploy.evaluate import MODES, Evaluation, Mode
-from deploy.reproduce.claims import Claim, Findings, Options, bounded
-from deploy.reproduce.drones.curves import curve, draw
-from deploy.reproduce.drones.runs import ESTIMATORS, Run, plan
+from deploy.evaluate import MODES, Mode
+from deploy.reproduce.claims import Claim, Findings, Options, bounded, provenance
+from deploy.reproduce.drones.curves import draw
+from deploy.reproduce.drones.record import Made, Matrix, Record, check, record
+from deploy.reproduce.drones.runs import ESTIMATORS, plan
 from deploy.reproduce.drones.training import assess, train
 from sim.indoor.scenes import NAMES, TRAINED, UNSEEN
 
@@ -32,7 +32,6 @@ PAPER = {
         [1.9, 1.2, 14.3, 139.0], [26.3, 66.7, 144.0, 195.2],
     ],
 }  # fmt: skip
-Matrix = NDArray[np.float64]
 
 
 def study(
@@ -43,36 +42,52 @@ def study(
     jobs: int = 2,
     root: Path = Path("runs/drones"),
     tell: Callable[[str], None] = print,
+    beside: Mapping[str, Record] | None = None,
 ) -> Findings:
     """Train, fly and compare.
 
     Args:
         options: where to write, how to say how far it is, seeds 1, 2, ...
-        estimators: which of :data:`ESTIMATORS`.
+        estimators: which of :data:`ESTIMATORS` are trained.
         budget: environment steps of every agent.
         flights: per policy, world and mode.
         jobs: agents that learn at a time.
         root: where the runs live and are resumed.
         tell: takes lines that should stay.
+        beside: estimators that were trained elsewhere.
+
+    Raises:
+        ConfigError: what stands beside is not of as many steps, seeds and flights.
+        SwarmError: a run failed, or was begun for another budget.
     """
-    claims, data, runs = [], {}, []
+    asked = {
+        name: [plan(root, name, budget, seed) for seed in range(1, options.seeds + 1)]
+        for name in ESTIMATORS
+    }
+    records = dict(beside or {})
+    for estimator, found in records.items():
+        check(found, asked[estimator], flights)
     for estimator in estimators:
-        by_seed = [plan(root, estimator, budget, seed) for seed in range(1, options.seeds + 1)]
-        these = [run for five in by_seed for run in five]
-        train(these, jobs, options.say)
-        assess(these, flights, jobs, options.say)
-        for run in these:
+        runs = [run for five in asked[estimator] for run in five]
+        train(runs, jobs, options.say)
+        assess(runs, flights, jobs, options.say)
+        for run in runs:
             tell(f"{run.label}: {run.steps:,} steps in {run.seconds:.0f} s")
-        found = {mode: np.array([_matrix(five, mode) for five in by_seed]) for mode in MODES}
-        for mode in MODES:
-            claims += _claims(estimator, mode, found[mode])
-        data[estimator] = _record(by_seed, found)
-        runs += these
-    for mode in MODES:
-        claims.append(_cells(mode, {name: data[name][mode] for name in estimators}))
+        made = msgspec.convert(provenance(options, 0.0), Made)
+        records[estimator] = Record([record(run) for run in runs], made)
+    records = {name: records[name] for name in ESTIMATORS if name in records}
     flown = f"{flights} flights"
     if options.seeds > 1:
         flown += f", mean of {options.seeds} seeds"
+    claims = [
+        claim
+        for name, found in records.items()
+        for mode in MODES
+        for claim in _claims(name, mode, found.matrices(mode))
+    ]
+    for mode in MODES:
+        means = {name: found.matrices(mode).mean(axis=0) for name, found in records.items()}
+        claims.append(_cells(mode, means))
     return Findings(
         title=f"Drones: mean safe flight, {budget:,} steps of every drone, {flown}",
         claims=claims,
@@ -87,21 +102,12 @@ def study(
             "The paper does not say how its policies chose when they were judged: stochastic "
             "flights draw every action from the policy, greedy ones take the likeliest.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
+            *(f"{name}: {found.made}" for name, found in records.items()),
         ],
-        data=data,
-        figures=[draw(runs, [name.removeprefix("indoor-") for name in TRAINED],
+        data={name: _data(found) for name, found in records.items()},
+        figures=[draw(records, [name.removeprefix("indoor-") for name in TRAINED],
                       options.out / "fig3.png")],
     )  # fmt: skip
-
-
-def _evaluation(run: Run) -> Evaluation:
-    return msgspec.json.decode(run.folder.evaluation.read_bytes(), type=Evaluation)
-
-
-def _matrix(five: Sequence[Run], mode: Mode) -> Matrix:
-    """(5, 6) mean safe flights of one seed: SA-0 to SA-3 and DCPG, trained worlds first."""
-    ordered = [*five[1:], five[0]]
-    return np.array([[_evaluation(run).mean(world, mode) for world in NAMES] for run in ordered])
 
 
 def _ratio(found: Matrix) -> float:
@@ -170,23 +176,9 @@ def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
     )
 
 
-def _record(by_seed: Sequence[Sequence[Run]], found: dict[Mode, Matrix]) -> dict[str, Any]:
-    """What the JSON keeps of an estimator."""
-    swarm, *alone = [run.name for run in by_seed[0]]
-    record: dict[str, Any] = {"policies": [*alone, swarm], "worlds": list(NAMES)}
-    record |= {str(mode): found[mode].mean(axis=0) for mode in MODES}
-    record["runs"] = [_record_run(run) for five in by_seed for run in five]
-    return record
-
-
-def _record_run(run: Run) -> dict[str, Any]:
-    return {
-        "policy": run.name,
-        "seed": run.config.seed,
-        "steps": run.steps,
-        "seconds": round(run.seconds, 1),
-        "rounds": run.config.rounds,
-        "step": run.config.optimizer.step,
-        "flights": _evaluation(run).cells,
-        "curves": {agent: curve(run.folder, agent) for agent in run.config.members},
-    }
+def _data(found: Record) -> dict[str, Any]:
+    """What the JSON keeps of an estimator: its record, and the mean matrices to read."""
+    data: dict[str, Any] = {"policies": found.policies, "worlds": list(NAMES)}
+    data |= {str(mode): found.matrices(mode).mean(axis=0) for mode in MODES}
+    kept: dict[str, Any] = msgspec.to_builtins(found)
+    return data | kept

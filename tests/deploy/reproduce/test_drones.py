@@ -1,19 +1,22 @@
 """The drone table: which runs there are, and what is claimed of their flights."""
 
+import re
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
+from rich.console import Console
 
 from agent.checkpoint import Checkpoint, write
 from deploy.evaluate import Cell, Evaluation
-from deploy.reproduce.claims import Options
+from deploy.reproduce.claims import Findings, Options, publish
 from deploy.reproduce.drones import table
+from deploy.reproduce.drones.record import read
 from deploy.reproduce.drones.runs import ESTIMATORS, Run, last, plan, steps_per_round
 from deploy.reproduce.drones.training import train
 from sim.indoor.scenes import NAMES
-from swarm.errors import SwarmError
+from swarm.errors import ConfigError, SwarmError
 from swarm.telemetry import RoundReport
 
 
@@ -72,9 +75,9 @@ def pretend(run: Run, metres: dict[str, float]) -> None:
     run.folder.evaluation.write_bytes(msgspec.json.encode(evaluation))
 
 
-def fill(root: Path, seed: int, swarm: float) -> None:
+def fill(root: Path, seed: int, swarm: float, estimator: str = "ppo") -> None:
     """All runs of a seed: the swarm flies so far everywhere, agents alone 80 m at home, else 5."""
-    for run in plan(root, "ppo", budget=4 * 1024, seed=seed):
+    for run in plan(root, estimator, budget=4 * 1024, seed=seed):
         home = int(run.name[-1]) if run.name.startswith("sa") else None
         metres = {
             world: swarm if home is None else (80.0 if i == home else 5.0)
@@ -123,6 +126,68 @@ def test_claims_are_about_the_mean_of_all_seeds(tmp_path: Path) -> None:
         (name, seed) for seed in (1, 2) for name in ("dcpg", "sa-0", "sa-1", "sa-2", "sa-3")
     ]
     assert "mean of 2 seeds" in found.title
+
+
+def publish_to(out: Path, root: Path, estimators: list[str], beside: Path | None) -> None:
+    """What the command does with flown runs and a file."""
+    kept = read(beside / "drones.json") if beside else {}
+
+    def study(options: Options) -> Findings:
+        return table.study(
+            options, estimators, 4 * 1024, root=root, tell=lambda text: None, beside=kept
+        )
+
+    options = Options(out, 1, False, lambda text: None)
+    publish("drones", study, options, False, Console(quiet=True))
+
+
+def test_estimators_measured_elsewhere_stand_in_the_same_table(tmp_path: Path) -> None:
+    root, whole, first, both, again = (tmp_path / name for name in "rwfba")
+    fill(root, 1, 90.0, "ppo")
+    fill(root, 1, 60.0, "a2c")
+    publish_to(whole, root, ["a2c", "ppo"], None)
+    publish_to(first, root, ["ppo"], None)
+    publish_to(both, root, ["a2c"], first)
+    publish_to(again, tmp_path / "empty", [], both)
+    expected = read(whole / "drones.json")
+    for out in both, again:
+        assert read(out / "drones.json") == expected
+        assert (out / "fig3.png").read_bytes() == (whole / "fig3.png").read_bytes()
+        pages = [(o / "drones.md").read_text().rpartition("seeds 1")[0] for o in (out, whole)]
+        assert pages[0] == pages[1]
+        assert "a2c, greedy: SA-0" in pages[0]
+
+
+@pytest.mark.parametrize(
+    ("budget", "seeds", "flights", "text"),
+    [
+        (8, 1, 100, "--beside, ppo: dcpg has 4 rounds: expected 8, of --budget"),
+        (4, 2, 100, "--beside, ppo: seeds [1]: expected [1, 2], of --seeds"),
+        (4, 1, 101, "--beside, ppo: dcpg has 100 flights: expected 101, of --flights"),
+    ],
+)
+def test_what_was_measured_otherwise_is_refused(
+    tmp_path: Path, budget: int, seeds: int, flights: int, text: str
+) -> None:
+    fill(tmp_path, 1, 90.0, "ppo")
+    publish_to(tmp_path / "out", tmp_path, ["ppo"], None)
+    options = Options(tmp_path / "out", seeds, False, lambda text: None)
+    kept = read(tmp_path / "out" / "drones.json")
+    with pytest.raises(ConfigError, match=re.escape(text)):
+        table.study(options, [], budget * 1024, flights, root=tmp_path, beside=kept)
+
+
+def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
+    results = Path(__file__).parents[3] / "deploy" / "results"
+    kept = read(results / "drones.json")
+    assert set(kept) <= set(ESTIMATORS)
+    assert all(len(found.policies) == 5 for found in kept.values())
+    bad = tmp_path / "bad.json"
+    with pytest.raises(ConfigError, match="No such file"):
+        read(bad)
+    bad.write_text('{"made": 1}')
+    with pytest.raises(ConfigError, match=r"bad\.json: Expected `object`"):
+        read(bad)
 
 
 @pytest.mark.parametrize("budget", [5, 40])
