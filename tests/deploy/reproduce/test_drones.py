@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from agent.checkpoint import Checkpoint, write
+from agent.pilot import Pilot
 from deploy.evaluate import Cell, Evaluation
 from deploy.reproduce.claims import Findings, Options, publish
 from deploy.reproduce.drones import table
@@ -18,6 +19,8 @@ from deploy.reproduce.drones.training import train
 from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError, SwarmError
 from swarm.telemetry import RoundReport
+
+RESULTS = Path(__file__).parents[3] / "deploy" / "results"
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -178,8 +181,7 @@ def test_what_was_measured_otherwise_is_refused(
 
 
 def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
-    results = Path(__file__).parents[3] / "deploy" / "results"
-    kept = read(results / "drones.json")
+    kept = read(RESULTS / "drones.json")
     assert set(kept) <= set(ESTIMATORS)
     assert all(len(found.policies) == 5 for found in kept.values())
     bad = tmp_path / "bad.json"
@@ -188,6 +190,19 @@ def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
     bad.write_text('{"made": 1}')
     with pytest.raises(ConfigError, match=r"bad\.json: Expected `object`"):
         read(bad)
+
+
+def test_kept_policies_choose_by_what_they_see() -> None:
+    files = sorted((RESULTS / "policies").glob("drones-*.safetensors"))
+    assert files
+    noise = np.random.default_rng(0).integers(256, size=(8, 103, 103, 3), dtype=np.uint8)
+    for file in files:
+        assert file.stat().st_size < 6e6
+        pilot = Pilot.load(file)
+        actions = pilot.actions(noise, greedy=True)
+        assert ((actions >= 0) & (actions < pilot.form.actions)).all()
+        assert pilot.form.actions == 25
+        assert pilot.flat.choose(noise, None).log_probs.std() > 0
 
 
 @pytest.mark.parametrize("budget", [5, 40])
