@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.runfolder import RunFolder
-from deploy.evaluate import Cell, Evaluation, Mode
-from deploy.reproduce.drones.runs import Run
+from deploy.evaluate import MODES, Cell, Evaluation, Mode
+from deploy.reproduce.drones.runs import SWARM, Run
 from sim.indoor.scenes import NAMES
 from swarm.errors import ConfigError
 
@@ -183,6 +183,12 @@ def _check(found: Record, asked: Sequence[Run], flights: int) -> None:
             raise ConfigError(
                 f"{run.name} has {kept.rounds} rounds: expected {rounds}, of --budget"
             )
+        if list(kept.curves) != list(run.config.members):
+            raise ConfigError(f"{run.name} has curves of {list(kept.curves)}: expected its agents'")
         fewest = min((cell.flights for cells in kept.flights.values() for cell in cells), default=0)
         if fewest < flights:
             raise ConfigError(f"{run.name} has {fewest} flights: expected {flights}, of --flights")
+    if found.policies[-1] != SWARM:
+        raise ConfigError(f"the first run is {found.policies[-1]}: expected {SWARM}")
+    for mode in MODES:
+        found.matrices(mode)

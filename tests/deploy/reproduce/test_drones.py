@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from agent.checkpoint import Checkpoint, write
@@ -178,6 +179,24 @@ def test_what_was_measured_otherwise_is_refused(
     kept = read(tmp_path / "out" / "drones.json")
     with pytest.raises(ConfigError, match=re.escape(text)):
         table.study(options, [], budget * 1024, flights, root=tmp_path, beside=kept)
+
+
+def test_an_incomplete_record_is_refused_before_anything_is_trained(tmp_path: Path) -> None:
+    fill(tmp_path, 1, 90.0, "ppo")
+    publish_to(tmp_path / "out", tmp_path, ["ppo"], None)
+    options = Options(tmp_path / "out", 1, False, lambda text: None)
+    whole = read(tmp_path / "out" / "drones.json")["ppo"]
+    swarm, *alone = whole.runs
+    grounded = {**swarm.flights, "indoor-techno": swarm.flights["indoor-techno"][:1]}
+    for runs, text in [
+        ([*alone, swarm], "the first run is sa-0"),
+        ([swarm, *alone[:3]], "no run sa-3"),
+        ([replace(swarm, curves={}), *alone], "dcpg has curves of []"),
+        ([replace(swarm, flights=grounded), *alone], "no stochastic flights in indoor-techno"),
+    ]:
+        kept = {"ppo": replace(whole, runs=runs)}
+        with pytest.raises(ConfigError, match=re.escape(text)):
+            table.study(options, [], 4 * 1024, root=tmp_path, beside=kept)
 
 
 def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
