@@ -102,7 +102,7 @@ def study(
             "The paper does not say how its policies chose when they were judged: stochastic "
             "flights draw every action from the policy, greedy ones take the likeliest.",
             "The paper's worlds and drone are PEDRA's, ours are ours: compare ratios, not metres.",
-            *(f"{name}: {found.made}" for name, found in records.items()),
+            *(f"{name}: {found.made}; {_times(found)}" for name, found in records.items()),
         ],
         data={name: _data(found) for name, found in records.items()},
         figures=[draw(records, [name.removeprefix("indoor-") for name in TRAINED],
@@ -164,7 +164,7 @@ def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
     good, cells = int((ratios >= 0.9).sum()), ratios.size
     need = round(10 / 12 * cells)
     listed = ", ".join(
-        f"{name} " + " ".join(f"{r:.2f}" for r in row)
+        f"{name} " + " ".join(f"{r:.3f}" for r in row)
         for name, row in zip(found, ratios, strict=True)
     )
     return Claim(
@@ -174,6 +174,11 @@ def _cells(mode: Mode, found: dict[str, Matrix]) -> Claim:
         f"{good} of {cells} ({listed})",
         good >= need,
     )
+
+
+def _times(found: Record) -> str:
+    """How long its runs learned."""
+    return "learned in " + ", ".join(f"{run.policy} {run.seconds:.0f} s" for run in found.runs)
 
 
 def _data(found: Record) -> dict[str, Any]:
