@@ -6,18 +6,15 @@ own that is made with the first large body and freed as the receivers let go.  T
 the same parcel travels as bytes.
 """
 
-import ctypes
 import logging
-from functools import cache
 
 import zenoh
 from zenoh import shm
 
+from swarm.allocator import keep_freed_memory
+
 log = logging.getLogger(__name__)
 LARGE = 32_768  # [bytes] below, a message fits a packet of Zenoh's and is as fast without
-MAPPED = 32 << 20  # [bytes] blocks from here on are the kernel's in any case
-KEPT = 64 << 20  # [bytes] free memory at most that is not given back
-M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # mallopt(3)
 BODIES = 4  # in the pool: this round's and the last one's, twice over for slow receivers
 
 
@@ -26,19 +23,6 @@ def unwrap(parcel: zenoh.ZBytes) -> bytes:
     shared = parcel.as_shm()
     # Not to_bytes(): in zenoh 1.10 that clears the new bytes before it copies, half as much again.
     return parcel.to_bytes() if shared is None else bytes(shared)
-
-
-@cache
-def keep_freed_memory() -> None:
-    """Have the C library keep what large bodies free, for the next ones.
-
-    It would give every freed vector back to the kernel, and take zeroed pages again a moment later:
-    a tenth of an exchange of 5 MB.  Not all C libraries can be told.
-    """
-    tell = getattr(ctypes.CDLL(None), "mallopt", None)
-    if tell is not None:
-        tell(M_MMAP_THRESHOLD, MAPPED)
-        tell(M_TRIM_THRESHOLD, KEPT)
 
 
 class Parcels:

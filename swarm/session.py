@@ -19,6 +19,7 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
 import msgspec
 import zenoh
 
+from swarm.allocator import share_arenas
 from swarm.errors import ConfigError, NetworkError
 from swarm.security import Party, Security
 
@@ -119,6 +120,7 @@ def open_session(
     """
     zenoh.init_log_from_env_or("off")
     network.security.check(party.name)
+    share_arenas()
     try:
         session = zenoh.open(configuration(network, party, listen, connect))
     except zenoh.ZError as error:

@@ -1,0 +1,42 @@
+"""What the C library is told about the memory of a process that speaks over Zenoh.
+
+Interface: :func:`share_arenas`, :func:`keep_freed_memory`; numbers from mallopt(3).  Not all C
+libraries can be told; then nothing happens.
+"""
+
+import ctypes
+from functools import cache
+
+M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
+ARENAS = 2
+MAPPED = 32 << 20  # [bytes] blocks from here on are the kernel's in any case
+KEPT = 64 << 20  # [bytes] free memory at most that is not given back
+
+
+@cache
+def share_arenas() -> None:
+    """Have all threads that start from now on take memory from :data:`ARENAS` heaps.
+
+    glibc gives a thread a heap of its own, up to eight times the cores.  Zenoh has more threads
+    than that, and what a flood of messages took for a moment stays in every heap that it came
+    through: 100,000 messages left an agent 6 to 11 MB larger, with two heaps 3 to 6, and no
+    exchange slower.
+    """
+    _tell(M_ARENA_MAX, ARENAS)
+
+
+@cache
+def keep_freed_memory() -> None:
+    """Have the C library keep what large bodies free, for the next ones.
+
+    It would give every freed vector back to the kernel, and take zeroed pages again a moment later:
+    a tenth of an exchange of 5 MB.
+    """
+    _tell(M_MMAP_THRESHOLD, MAPPED)
+    _tell(M_TRIM_THRESHOLD, KEPT)
+
+
+def _tell(parameter: int, value: int) -> None:
+    tell = getattr(ctypes.CDLL(None), "mallopt", None)
+    if tell is not None:
+        tell(parameter, value)
