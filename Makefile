@@ -7,7 +7,7 @@ READY  := $(VENV)/.ready
 .PHONY: run test lint bench lock clean
 
 run: $(READY)
-	$(BIN)/swarm up deploy/swarms/gridworld-a.toml
+	$(BIN)/swarm up deploy/library/swarms/gridworld-a.toml
 
 test: lint
 	@tests/debian-packages.sh

@@ -9,10 +9,10 @@ ENTRY_POINTS = {
     "CartPoleVariant-v0": "sim.cartpole:CartPoleVariant",
     "Chain-v0": "sim.tabular.chain:Chain",
     "GridWorld-v0": "sim.tabular.gridworld:GridWorld",
-    "IndoorFlight-v0": "sim.indoor.env:IndoorFlight",
+    "IndoorFlight-v0": "sim.indoor.flight.env:IndoorFlight",
 }
 VECTOR_ENTRY_POINTS = {
-    "IndoorFlight-v0": "sim.indoor.vector:IndoorFlights",
+    "IndoorFlight-v0": "sim.indoor.flight.vector:IndoorFlights",
 }
 
 MOST_STEPS = {

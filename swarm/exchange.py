@@ -1,10 +1,10 @@
 """Publish theta_k, gather the neighbours' theta_k: one synchronous round over Zenoh.
 
 Interface: :meth:`Exchange.publish` does not wait; :meth:`Exchange.gather` waits until every
-neighbour has answered, is gone or is out of time (:mod:`swarm.timing` decides);
+neighbour has answered, is gone or is out of time (:mod:`swarm.protocol.timing` decides);
 :meth:`Exchange.look` takes what is there.  What comes in is checked and kept by
-:mod:`swarm.reception`, what goes out leaves by :mod:`swarm.dispatch`; here stands who is sent to,
-who is waited for and how long.
+:mod:`swarm.wire.reception`, what goes out leaves by :mod:`swarm.wire.dispatch`; here stands who is
+sent to, who is waited for and how long.
 
 Rounds are logical.  A neighbour that already speaks of a later round will not answer this one, so
 nobody waits for it; an agent that finds its neighbours ahead jumps to their round.  A neighbour
@@ -30,14 +30,14 @@ from typing import Self
 
 import zenoh
 
-from swarm.compression import Body, Codec
-from swarm.dispatch import Dispatch, Used
-from swarm.handover import Handover, plain
-from swarm.keys import Keys
-from swarm.payload import Layout, Message, ParameterHeader
-from swarm.reception import Reception
-from swarm.roster import Roster
-from swarm.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
+from swarm.mixing.compression import Body, Codec
+from swarm.protocol.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
+from swarm.protocol.transfer import Handover, plain
+from swarm.wire.dispatch import Dispatch, Used
+from swarm.wire.keys import Keys
+from swarm.wire.payload import Layout, Message, ParameterHeader
+from swarm.wire.reception import Reception
+from swarm.wire.roster import Roster
 
 log = logging.getLogger(__name__)
 REMEMBERED = 32  # rounds whose duration sets the deadline

@@ -2,7 +2,7 @@
 
 :class:`MemoryExchange` stands where :class:`swarm.exchange.Exchange` stands in a real agent.  What
 is lost, late or cut off is a fixed function of seed, round and edge, so that a run with faults can
-be repeated; losses are those of :mod:`swarm.loss`, which real processes apply too.
+be repeated; losses are those of :mod:`swarm.mixing.loss`, which real processes apply too.
 """
 
 from collections.abc import Mapping
@@ -12,8 +12,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm.loss import Loss, edge_counts
-from swarm.mixing import Missing
+from swarm.mixing.loss import Loss, edge_counts
+from swarm.mixing.rules import Missing
 
 Vector = NDArray[np.floating]
 
@@ -40,7 +40,8 @@ Attack = Literal["opposite", "noise", "shift"]
 
 
 class Poison(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Agents that send what is not theirs, within what :class:`swarm.guard.Guard` lets pass.
+    """Agents that send what is not theirs, within what :class:`swarm.protocol.guard.Guard` lets
+    pass.
 
     Attributes:
         agents: who.

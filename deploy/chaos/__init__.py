@@ -22,7 +22,7 @@ kind          what happens to ``agents``
 ============  ===================================================================================
 
 ``partition``, ``loss`` and ``rate`` need agents in network namespaces of their own (``namespace``
-in the swarm file) and root; ``clock`` needs libfaketime.  ``deploy/chaos/files/`` has a file a
+in the swarm file) and root; ``clock`` needs libfaketime.  ``deploy/library/faults/`` has a file a
 fault; ``swarm reproduce network`` runs them all and prints what each costs.
 
 Rooms: :mod:`deploy.chaos.faults` the file, :mod:`deploy.chaos.actions` what a fault consists of,

@@ -7,7 +7,7 @@ import re
 import signal
 from dataclasses import dataclass
 
-from agent.config import SwarmFile
+from agent.config.experiment import SwarmFile
 from deploy.chaos.faults import Fault
 from swarm.errors import ConfigError
 

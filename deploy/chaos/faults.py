@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from agent.config import SwarmFile
-from agent.strict import convert, read_toml
+from agent.config.experiment import SwarmFile
+from agent.config.strict import convert, read_toml
 from deploy.chaos import clocks
 from swarm.errors import ConfigError
 

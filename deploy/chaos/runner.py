@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from agent.config import SwarmFile
+from agent.config.experiment import SwarmFile
 from deploy.chaos.actions import Action, plan
 from deploy.chaos.clocks import Clocks
 from deploy.chaos.faults import Fault

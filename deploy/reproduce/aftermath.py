@@ -16,8 +16,8 @@ import networkx as nx
 import numpy as np
 
 from deploy.chaos.faults import Fault
-from deploy.journal import Event
-from swarm.telemetry import RoundReport
+from deploy.launch.journal import Event
+from swarm.reports.telemetry import RoundReport
 
 SLOW = 0.5  # [s] a round that takes longer has been held up
 TOLERATED = 1.2  # times the usual disagreement

@@ -1,7 +1,7 @@
 """Beyond the paper: half the bytes, a quarter of the bytes, and what they cost.
 
 Grid worlds (a), (b), (c) and (e) with parameters sent as float32, as fp16 and as int8, both with
-error feedback (:mod:`swarm.compression`).
+error feedback (:mod:`swarm.mixing.compression`).
 """
 
 from pathlib import Path
@@ -13,10 +13,10 @@ from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
-from deploy.reproduce.simulator import simulate_together
+from deploy.simulate.simulator import simulate_together
 from sim.tabular.mdp import Floats
-from swarm.compression import CODECS, Compression
-from swarm.mixing import Mixing
+from swarm.mixing.compression import CODECS, Compression
+from swarm.mixing.rules import Mixing
 
 LAYOUTS = ("a", "b", "c", "e")
 KINDS: tuple[Compression, ...] = get_args(Compression)

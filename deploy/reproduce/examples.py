@@ -13,16 +13,16 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from agent.config import AgentEntry, SwarmFile, Task
-from agent.estimators import Exact
-from agent.optimizers import Sgd
-from agent.policies import Tabular
+from agent.config.experiment import AgentEntry, SwarmFile, Task
+from agent.learning.estimators import Exact
+from agent.learning.optimizers import Sgd
+from agent.learning.policies import Tabular
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded, close
-from deploy.reproduce.simulator import Vectors, simulate_together
+from deploy.simulate.simulator import Vectors, simulate_together
 from sim.tabular.chain import LEFT, S3, chain_model
 from sim.tabular.mdp import FiniteMDP, Floats
-from swarm.mixing import Mixing, RuleName
+from swarm.mixing.rules import Mixing, RuleName
 
 ROOT_HALF = float(np.sqrt(0.5))  # the gamma for which the paper prints numbers
 GAMMAS = (0.5, ROOT_HALF, 0.9, 0.99)

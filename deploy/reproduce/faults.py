@@ -2,7 +2,7 @@
 
 16 agents on a ring, tasks of grid world (a) in blocks of four.  Every message is lost with
 probability 0.3, independently in each direction; every rule is run with every policy for what is
-missing (:class:`swarm.mixing.Mixing`).  Then delay, and a partition that heals.
+missing (:class:`swarm.mixing.rules.Mixing`).  Then delay, and a partition that heals.
 """
 
 from pathlib import Path
@@ -14,11 +14,11 @@ from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
-from deploy.reproduce.simulator import DivergenceError, Run, Vectors, simulate, simulate_together
+from deploy.simulate.simulator import DivergenceError, Run, Vectors, simulate, simulate_together
 from sim.tabular.mdp import Floats
-from swarm.loss import Loss
 from swarm.memory import Faults, Partition
-from swarm.mixing import RULES, Missing, Mixing, RuleName
+from swarm.mixing.loss import Loss
+from swarm.mixing.rules import RULES, Missing, Mixing, RuleName
 
 AGENTS, LOSS = 16, 0.3
 SEEDS = 2  # at most

@@ -12,14 +12,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agent.policies import softmax
+from agent.learning.policies import softmax
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.referee import Referee, Scores
 from deploy.reproduce.settings import grid_agents, grid_swarm
-from deploy.reproduce.simulator import Run, simulate_together
+from deploy.simulate.simulator import Run, simulate_together
 from sim.tabular.gridworld import LAYOUTS
-from swarm.topology import Topology
+from swarm.mixing.weights import Topology
 
 TARGETS = {"a": 4, "b": 4, "c": 3, "d": 6, "e": 6}  # tasks that the best policy solves
 PAPER = {

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from agent.config import StartMixing, SwarmFile
-from agent.estimators import A2C, PPO, Estimator
+from agent.config.experiment import StartMixing, SwarmFile
+from agent.learning.estimators import A2C, PPO, Estimator
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.gridworld import TARGETS
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import REINFORCE, grid_swarm
-from deploy.reproduce.simulator import Vectors, simulate_together
+from deploy.simulate.simulator import Vectors, simulate_together
 from sim.tabular.mdp import Floats
 
 ANYWHERE = StartMixing(uniform=0.8, rounds=600)

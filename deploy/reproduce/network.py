@@ -1,8 +1,8 @@
 """What faults cost a swarm of real processes, each on a host of its own: a table, fault by fault.
 
 Grid world (a); every host is a network namespace with an address, a cable and a firewall of its
-own.  One run a chaos file of ``deploy/chaos/files``, beside one that nobody disturbs, all with the
-same seed.  Needs root, iproute2 and iptables; clocks that jump need libfaketime.
+own.  One run a chaos file of ``deploy/library/faults``, beside one that nobody disturbs, all with
+the same seed.  Needs root, iproute2 and iptables; clocks that jump need libfaketime.
 """
 
 import shutil
@@ -13,22 +13,22 @@ from pathlib import Path
 
 import msgspec
 
-from agent.config import SwarmFile
-from agent.runfolder import RunFolder
+from agent.config.experiment import SwarmFile
+from agent.storage.runfolder import RunFolder
 from deploy.chaos.faults import load_faults
-from deploy.journal import events
-from deploy.namespaces import hosts, inside, settle
-from deploy.report import Result
+from deploy.chaos.namespaces import hosts, inside, settle
+from deploy.launch.journal import events
+from deploy.policies.report import Result
 from deploy.reproduce import figures
 from deploy.reproduce.aftermath import TOLERATED as TIMES
 from deploy.reproduce.aftermath import Aftermath, Trace, examine, usual_disagreement
 from deploy.reproduce.claims import Claim, Findings, Options
 from deploy.reproduce.settings import grid_swarm
 from swarm.errors import SwarmError
-from swarm.telemetry import RoundReport
-from swarm.topology import neighbours
+from swarm.mixing.weights import neighbours
+from swarm.reports.telemetry import RoundReport
 
-FILES = Path(__file__).parents[1] / "chaos" / "files"
+FILES = Path(__file__).parents[1] / "library" / "faults"
 FAULTS = ("kill", "restart", "freeze", "partition", "loss", "rate", "clock")
 UNDISTURBED = "none"
 AGENTS = (4, 8)  # from, to

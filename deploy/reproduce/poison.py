@@ -2,25 +2,25 @@
 
 Six agents in a complete graph learn grid world (a), starting anywhere half of the time.  After some
 hundred rounds one of two agents of the same task begins to send something else (its task is still
-learned by its twin), within the norm that :class:`swarm.guard.Guard` lets pass.  Every attack meets
-every option of :mod:`swarm.robust`; the honest agents' policies are judged.
+learned by its twin), within the norm that :class:`swarm.protocol.guard.Guard` lets pass.  Every
+attack meets every option of :mod:`swarm.mixing.robust`; the honest agents' policies are judged.
 """
 
 from typing import Any
 
 import numpy as np
 
-from agent.config import StartMixing, SwarmFile
+from agent.config.experiment import StartMixing, SwarmFile
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
-from deploy.reproduce.simulator import simulate_together
+from deploy.simulate.simulator import simulate_together
 from sim.tabular.gridworld import LAYOUTS
 from swarm.memory import Attack, Faults, Poison
-from swarm.mixing import Mixing
-from swarm.robust import Robust
-from swarm.topology import Topology
+from swarm.mixing.robust import Robust
+from swarm.mixing.rules import Mixing
+from swarm.mixing.weights import Topology
 
 AGENTS, TRAITOR = 6, 4  # drone3 and drone4 share a task
 SEEDS = 2  # at most

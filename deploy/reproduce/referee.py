@@ -7,9 +7,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.config import SwarmFile
-from agent.policies import softmax
-from deploy.report import SOLVED, task_env
+from agent.config.experiment import SwarmFile
+from agent.learning.policies import softmax
+from deploy.policies.report import SOLVED, task_env
 from sim.tabular.env import TabularEnv
 from sim.tabular.mdp import Floats
 from sim.tabular.optimum import JointOptimum, joint_optimum

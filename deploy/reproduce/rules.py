@@ -14,17 +14,17 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agent.config import AgentEntry, SwarmFile, Task
-from agent.estimators import Exact
-from agent.optimizers import Sgd
+from agent.config.experiment import AgentEntry, SwarmFile, Task
+from agent.learning.estimators import Exact
+from agent.learning.optimizers import Sgd
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
-from deploy.reproduce.simulator import Vectors, simulate, simulate_together
+from deploy.simulate.simulator import Vectors, simulate, simulate_together
 from sim.tabular.mdp import Floats
-from swarm.mixing import RULES, Mixing
-from swarm.topology import Topology
+from swarm.mixing.rules import RULES, Mixing
+from swarm.mixing.weights import Topology
 
 AGENTS, MANY = 64, 1024
 AT_MOST = {"dcpg": 0.30}

@@ -5,9 +5,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agent.config import AgentEntry, SwarmFile, Task
-from agent.estimators import Reinforce
-from agent.optimizers import Sgd
+from agent.config.experiment import AgentEntry, SwarmFile, Task
+from agent.learning.estimators import Reinforce
+from agent.learning.optimizers import Sgd
 from sim.tabular.gridworld import LAYOUTS
 from sim.tabular.mdp import FiniteMDP
 

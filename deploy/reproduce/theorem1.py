@@ -15,18 +15,18 @@ from typing import Any
 
 import numpy as np
 
-from agent.config import SwarmFile
-from agent.estimators import Exact
-from agent.optimizers import Sgd
-from agent.policies import Tabular, softmax
+from agent.config.experiment import SwarmFile
+from agent.learning.estimators import Exact
+from agent.learning.optimizers import Sgd
+from agent.learning.policies import Tabular, softmax
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, at_most, bounded
 from deploy.reproduce.settings import random_worlds, unnamed_agents
-from deploy.reproduce.simulator import Vectors, simulate_together
-from deploy.reproduce.worlds import Worlds
+from deploy.simulate.simulator import Vectors, simulate_together
+from deploy.simulate.worlds import Worlds
 from sim.tabular.mdp import FiniteMDP, Floats, relative_entropy
-from swarm.consensus import consensus_errors
-from swarm.topology import Kind, Spectrum, Topology, graph, spectrum, weight_matrix
+from swarm.mixing.consensus import consensus_errors
+from swarm.mixing.weights import Kind, Spectrum, Topology, graph, spectrum, weight_matrix
 
 GAMMA, LAMBDA, N = 0.5, 1e-3, 8
 SHAPE = (6, 3)  # states, actions

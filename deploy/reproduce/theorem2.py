@@ -15,19 +15,19 @@ from typing import Any
 
 import numpy as np
 
-from agent.config import SwarmFile
-from agent.estimators import Exact
-from agent.optimizers import Sgd
-from agent.policies import Tabular, softmax
+from agent.config.experiment import SwarmFile
+from agent.learning.estimators import Exact
+from agent.learning.optimizers import Sgd
+from agent.learning.policies import Tabular, softmax
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, at_most, bounded
 from deploy.reproduce.examples import pure_value, trap_swarm
 from deploy.reproduce.settings import random_worlds, unnamed_agents
-from deploy.reproduce.simulator import Vectors, build_models, simulate_together
-from deploy.reproduce.worlds import Worlds
+from deploy.simulate.simulator import Vectors, build_models, simulate_together
+from deploy.simulate.worlds import Worlds
 from sim.tabular.mdp import FiniteMDP, Floats
 from sim.tabular.optimum import optimal_policy
-from swarm.topology import Topology, graph, spectrum, weight_matrix
+from swarm.mixing.weights import Topology, graph, spectrum, weight_matrix
 
 GAMMA, N, S, A = 0.8, 4, 4, 3
 STEPS = {1.0: 0.5, 0.3: 0.3, 0.1: 0.2}  # by epsilon, of a sum of N values of at most 5 each

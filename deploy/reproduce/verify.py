@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from agent import checkpoint
-from agent.config import SwarmFile, load
-from agent.runfolder import RunFolder
+from agent.config.experiment import SwarmFile, load
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
 from deploy.reproduce.claims import Claim, Findings, Options
 from deploy.reproduce.referee import Referee
-from deploy.reproduce.simulator import Vectors, simulate
+from deploy.simulate.simulator import Vectors, simulate
 from swarm.errors import SwarmError
 
-SWARMS = Path(__file__).parents[1] / "swarms"
+SWARMS = Path(__file__).parents[1] / "library" / "swarms"
 FILES = (
     "chain-exact",
     "gridworld-a",

@@ -24,7 +24,7 @@ import networkx as nx
 import rerun as rr
 import rerun.blueprint as rrb
 
-from agent.config import SwarmFile
+from agent.config.experiment import SwarmFile
 from deploy.viewer import colours, flights
 from deploy.viewer.moments import (
     Edge,
@@ -41,7 +41,7 @@ from deploy.viewer.rooms import Room
 from deploy.viewer.rows import Columns, Row, scalars
 from deploy.viewer.theory import BOUND, DECAY
 from deploy.viewer.worlds import CellWorld, world_of
-from swarm.topology import graph
+from swarm.mixing.weights import graph
 
 CIRCLE = 120.0  # radius on which the agents stand [points of the graph view]
 CORNER = rrb.Corner2D.RightTop

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from agent.vehicle import Vehicle
 from deploy.viewer import colours
-from sim.indoor.env import IndoorFlight
-from sim.indoor.mesh import Mesh
-from sim.indoor.scene import Scene
+from sim.indoor.content.scene import Scene
+from sim.indoor.flight.env import IndoorFlight
+from sim.indoor.geometry.mesh import Mesh
 
 TRAIL = 500  # steps; 200 m
 QUALITY = 85  # of the pictures; JPEG, a tenth of their size

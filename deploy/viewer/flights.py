@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from deploy.viewer.colours import Colour
 from deploy.viewer.rows import Columns, Row, scalars
-from swarm.telemetry import FlightSample
+from swarm.reports.telemetry import FlightSample
 
 NOSE = 1.5  # [m] length of the arrow
 FLIGHTS = 6  # paths that are shown of each drone

@@ -10,11 +10,11 @@ from typing import Literal, Self
 
 import numpy as np
 
-from agent.config import SwarmFile
-from agent.runfolder import RunFolder
-from swarm.consensus import sketch_errors
-from swarm.telemetry import RoundReport
-from swarm.topology import graph
+from agent.config.experiment import SwarmFile
+from agent.storage.runfolder import RunFolder
+from swarm.mixing.consensus import sketch_errors
+from swarm.mixing.weights import graph
+from swarm.reports.telemetry import RoundReport
 
 MOMENTS = 2000  # most moments of a run folder that are shown
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import rerun as rr
 from rerun.experimental import ViewerClient
 
-from agent.config import SwarmFile
+from agent.config.experiment import SwarmFile
 from deploy.viewer.drawing import Scene
 from deploy.viewer.recorder import FLUSH, Recorder, StreamBrokenError
 from swarm.errors import ConfigError, NetworkError, SwarmError

@@ -12,7 +12,7 @@ from deploy.viewer.moments import Moment
 from deploy.viewer.rows import Row
 from deploy.viewer.theory import Theory
 from swarm.errors import SwarmError
-from swarm.telemetry import FlightSample
+from swarm.reports.telemetry import FlightSample
 
 FLUSH = 20.0  # [s] for a viewer to take what it is sent, or to open its window first
 

@@ -13,10 +13,10 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from deploy.viewer import colours
-from sim.indoor.lighting import albedo_of
-from sim.indoor.mesh import Mesh
-from sim.indoor.scene import Scene
-from sim.indoor.textures import GAMMA
+from sim.indoor.content.scene import Scene
+from sim.indoor.content.textures import GAMMA
+from sim.indoor.geometry.mesh import Mesh
+from sim.indoor.render.lighting import albedo_of
 
 CEILING = 0.3  # [m] what lies so close below the highest point is taken off
 SHADE = (0.35, 0.6, 0.85)  # brightness of faces that look north, east, down: a guess

@@ -1,8 +1,8 @@
 """A session of the viewer: whence moments come, and for how long.
 
 From a run folder, a session shows what it holds.  Attached to a running swarm, it begins with what
-the agents remember (:mod:`swarm.history`) and goes on with what they publish; a session that
-somebody looks at waits for a swarm that goes away, and goes on when it is back.
+the agents remember (:mod:`swarm.reports.history`) and goes on with what they publish; a session
+that somebody looks at waits for a swarm that goes away, and goes on when it is back.
 """
 
 import queue
@@ -11,18 +11,18 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from agent.config import SwarmFile
-from agent.runfolder import RunFolder
-from deploy.signals import stop_meanwhile
-from deploy.status import Target, observe
+from agent.config.experiment import SwarmFile
+from agent.storage.runfolder import RunFolder
+from deploy.observe.status import Target, observe
+from deploy.process.signals import stop_meanwhile
 from deploy.viewer.moments import Moment, history, remembered
 from deploy.viewer.outputs import Output, opened
 from deploy.viewer.recorder import Recorder
 from swarm.errors import ConfigError, NetworkError
-from swarm.history import ask_history
-from swarm.keys import Keys
-from swarm.roster import Roster
-from swarm.telemetry import FlightSample, RoundReport, watch_flights, watch_reports
+from swarm.reports.history import ask_history
+from swarm.reports.telemetry import FlightSample, RoundReport, watch_flights, watch_reports
+from swarm.wire.keys import Keys
+from swarm.wire.roster import Roster
 
 LOOK = 3.0  # [s] for somebody to be seen
 RECALL = 2.0  # [s] for the agents to tell what they remember

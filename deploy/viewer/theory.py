@@ -15,11 +15,11 @@ from typing import Self
 
 import numpy as np
 
-from agent.config import SwarmFile
-from agent.optimizers import Sgd
+from agent.config.experiment import SwarmFile
+from agent.learning.optimizers import Sgd
 from deploy.viewer.moments import Moment, errors
 from deploy.viewer.rows import Row, scalars
-from swarm.topology import graph, spectrum, weight_matrix
+from swarm.mixing.weights import graph, spectrum, weight_matrix
 
 DECAY, BOUND = "consensus_error/decay", "consensus_error/bound"
 

@@ -15,10 +15,10 @@ import rerun as rr
 import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
-from agent.config import Task
+from agent.config.experiment import Task
 from deploy.viewer import colours
 from deploy.viewer.rooms import Room
-from sim.indoor.scene import load
+from sim.indoor.content.scene import load
 from sim.tabular.env import TabularEnv
 from sim.tabular.gridworld import GridWorld
 
@@ -26,7 +26,7 @@ KINDS = ("free", "start", "goal", "obstacle")
 FREE, START, GOAL, OBSTACLE = range(4)
 FILL = (colours.FREE, colours.START, colours.GOAL, colours.TROUBLE)
 MARGIN = 0.25  # [cells] around a world
-INDOOR, DEFAULT = "IndoorFlight-v0", "indoor-long"  # as sim/indoor/env.py has them
+INDOOR, DEFAULT = "IndoorFlight-v0", "indoor-long"  # as sim/indoor/flight/env.py has them
 
 
 @dataclass(frozen=True, slots=True, eq=False)

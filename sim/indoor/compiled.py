@@ -52,7 +52,7 @@ def _own_temporary() -> Path:
 def _kernels_dir() -> str:
     """One folder for each state of this room's compiled sources, also under NUMBA_CACHE_DIR."""
     digest = hashlib.sha256()
-    for file in sorted(Path(__file__).parent.glob("*.py")):
+    for file in sorted(Path(__file__).parent.rglob("*.py")):
         source = file.read_bytes()
         if b"@compiled" in source:
             digest.update(source)

@@ -8,7 +8,7 @@ heading; where the vehicle really gets, with its inertia and tilt, is what its t
 
 from collections.abc import Sequence
 
-from sim.indoor.body import Body, Pose, SetPoint, Site
+from sim.indoor.flight.body import Body, Pose, SetPoint, Site
 from sim.vehicle.flavours import FLAVOURS
 from sim.vehicle.fleet import VehicleProcess, start_all
 from sim.vehicle.lockstep import LockstepClient

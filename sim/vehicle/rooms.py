@@ -9,10 +9,10 @@ import math
 
 import numpy as np
 
-from sim.indoor.body import Pose, home_of
-from sim.indoor.collision import sweep
-from sim.indoor.rays import cast
-from sim.indoor.scene import load
+from sim.indoor.content.scene import load
+from sim.indoor.flight.body import Pose, home_of
+from sim.indoor.geometry.collision import sweep
+from sim.indoor.render.rays import cast
 from sim.vehicle.frames import Doubles
 
 

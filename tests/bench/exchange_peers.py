@@ -20,15 +20,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm.compression import Plain
 from swarm.exchange import Exchange
-from swarm.keys import Keys
-from swarm.payload import Layout
-from swarm.roster import Roster
-from swarm.security import Party
-from swarm.session import Network, open_session
-from swarm.timing import Timing
-from swarm.vectors import sum_of
+from swarm.mixing.compression import Plain
+from swarm.protocol.timing import Timing
+from swarm.wire.keys import Keys
+from swarm.wire.payload import Layout
+from swarm.wire.roster import Roster
+from swarm.wire.security import Party
+from swarm.wire.session import Network, open_session
+from swarm.wire.vectors import sum_of
 
 Vector = NDArray[np.float32]
 Step = Callable[[], None]

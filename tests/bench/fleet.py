@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
-from agent.runfolder import RunFolder
+from agent.storage.runfolder import RunFolder
 from deploy.reproduce.settings import grid_swarm
 from tests.bench.exchange import machine
 from tests.bench.processes import Holding, holdings

@@ -25,10 +25,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from sim.indoor.camera import Camera, Renderer
-from sim.indoor.mesh import Doubles
-from sim.indoor.scene import Scene, load
-from sim.indoor.scenes import TRAINED
+from sim.indoor.content.scene import Scene, load
+from sim.indoor.content.scenes import TRAINED
+from sim.indoor.geometry.mesh import Doubles
+from sim.indoor.render.camera import Camera, Renderer
 from tests.bench import indoor_peers
 from tests.bench.clock import cpu_seconds
 

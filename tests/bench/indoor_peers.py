@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.indoor.camera import Camera, Renderer
-from sim.indoor.mesh import Doubles, Mesh
+from sim.indoor.geometry.mesh import Doubles, Mesh
+from sim.indoor.render.camera import Camera, Renderer
 from tests.bench.clock import cpu_seconds
 
 Speed = tuple[float, float]  # RGB-D frames a CPU-second, share of depths within 2% of ours

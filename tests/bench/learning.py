@@ -18,12 +18,12 @@ from stable_baselines3 import A2C, PPO
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import DummyVecEnv
 
-from agent.config import SwarmFile, load
-from agent.estimators import ActorCritic
-from agent.networks import c3f2
-from agent.neural import NeuralLearner
+from agent.config.experiment import SwarmFile, load
+from agent.learning.estimators import ActorCritic
+from agent.learning.networks import c3f2
+from agent.learning.neural import NeuralLearner
 
-SWARMS = Path(__file__).parents[2] / "deploy" / "swarms"
+SWARMS = Path(__file__).parents[2] / "deploy" / "library" / "swarms"
 TURNS, STEPS = 3, 1024  # steps of a turn
 KINDS = ("a2c", "ppo")
 

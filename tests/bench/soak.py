@@ -18,12 +18,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from agent.runfolder import RunFolder
-from deploy.logs import LOG_BYTES, LOG_FILES
+from agent.storage.runfolder import RunFolder
+from deploy.process.logs import LOG_BYTES, LOG_FILES
 from tests.bench.exchange import machine
 from tests.bench.processes import Holding, holdings
 
-FILE = Path("deploy/swarms/gridworld-a.toml")
+FILE = Path("deploy/library/swarms/gridworld-a.toml")
 ROUNDS, POINTS = 20_000, 10
 MORE_MB, MORE_HANDLES = 3.0, 0  # growth from the first point to the last that counts as none
 LIMIT = 3600.0  # [s]

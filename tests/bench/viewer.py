@@ -21,16 +21,16 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agent.config import SwarmFile, load
-from agent.pictures import png_of_depth, png_of_rgb
-from deploy.pilots import Greedy
+from agent.config.experiment import SwarmFile, load
+from agent.daemon.pictures import png_of_depth, png_of_rgb
+from deploy.flying.pilots import Greedy
 from deploy.viewer import Output
 from deploy.viewer.moments import Moment
 from deploy.viewer.outputs import opened
 from deploy.viewer.session import TICK
-from swarm.telemetry import FLIGHT_RATE, FlightSample, RoundReport
+from swarm.reports.telemetry import FLIGHT_RATE, FlightSample, RoundReport
 
-SWARM = Path(__file__).parents[2] / "deploy" / "swarms" / "drones-ppo.toml"
+SWARM = Path(__file__).parents[2] / "deploy" / "library" / "swarms" / "drones-ppo.toml"
 HOUR, MINUTE = 3600, 60  # [s]
 STEPS = 5  # of a drone, between two samples
 LONGEST = 400  # steps of a flight

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from agent import checkpoint
-from agent.runfolder import RunFolder
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
 
 ROOT = Path(__file__).parents[2]
-SWARMS = ROOT / "deploy" / "swarms"
+SWARMS = ROOT / "deploy" / "library" / "swarms"
 GRIDWORLD_A = SWARMS / "gridworld-a.toml"
 MEMBERS = ("drone0", "drone1", "drone2", "drone3")
 PATIENCE = 60.0  # [s] a loaded machine may be slow; nothing here is a measurement

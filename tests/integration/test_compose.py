@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from agent.config import load
-from deploy.compose import compose_file
+from agent.config.experiment import load
+from deploy.images.compose import compose_file
 from tests.integration.harness import ROOT, until
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]

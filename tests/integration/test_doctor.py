@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from deploy.certs import make_certificates
-from swarm.security import Security
+from deploy.images.certs import make_certificates
+from swarm.wire.security import Security
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agent.config import load
-from agent.tabular import TabularLearner
-from swarm.mixing import Mixer
-from swarm.topology import graph, neighbours, weight_matrix
+from agent.config.experiment import load
+from agent.learning.tabular import TabularLearner
+from swarm.mixing.rules import Mixer
+from swarm.mixing.weights import graph, neighbours, weight_matrix
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,

@@ -10,17 +10,17 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agent.config import load
-from agent.runfolder import RunFolder
+from agent.config.experiment import load
+from agent.storage.runfolder import RunFolder
 from deploy.chaos import clocks
-from deploy.namespaces import hosts, inside, settle, why_not
-from swarm.telemetry import RoundReport
+from deploy.chaos.namespaces import hosts, inside, settle, why_not
+from swarm.reports.telemetry import RoundReport
 from tests.integration.harness import GRIDWORLD_A, MEMBERS, ROOT, run
 
 pytestmark = pytest.mark.integration
 # Undisturbed, V/V* is 0.985 after so many rounds; a fault may cost 0.03 of it.  Faults come when
 # the tasks are solved: who misses the first hundred rounds may find its task settled without it.
-CHAOS = ROOT / "deploy" / "chaos" / "files"
+CHAOS = ROOT / "deploy" / "library" / "faults"
 ROUNDS, LEAST = 2500, 0.955
 LEARNED = 1000  # rounds of an asynchronous swarm
 

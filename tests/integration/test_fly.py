@@ -13,8 +13,8 @@ import pytest
 from pymavlink import mavutil
 from rerun.chunk import RrdReader
 
-from agent.pilot import Form, Pilot
-from agent.policies import C3F2
+from agent.learning.pilot import Form, Pilot
+from agent.learning.policies import C3F2
 from sim.vehicle.flavours import ARDUPILOT, PX4
 from sim.vehicle.server import Options
 from tests.integration.harness import Command, swarm

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 import zenoh
 
-from agent.config import load
-from agent.daemon import layout_of
-from agent.learners import build_learner
-from agent.runfolder import RunFolder
-from deploy.status import collect, observe
-from swarm.keys import Keys
-from swarm.payload import HEADER_LIMIT, PROTOCOL, Layout
+from agent.config.experiment import load
+from agent.daemon.process import layout_of
+from agent.learning.learners import build_learner
+from agent.storage.runfolder import RunFolder
+from deploy.observe.status import collect, observe
+from swarm.wire.keys import Keys
+from swarm.wire.payload import HEADER_LIMIT, PROTOCOL, Layout
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from agent.config import load
-from agent.runfolder import RunFolder
+from agent.config.experiment import load
+from agent.storage.runfolder import RunFolder
 from tests.integration.harness import GRIDWORLD_A, free_base_port, rounds_played, run, swarm, until
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agent.runfolder import RunFolder
+from agent.storage.runfolder import RunFolder
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,

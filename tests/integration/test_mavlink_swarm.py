@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agent import checkpoint
-from agent.runfolder import RunFolder
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
 from tests.integration.harness import SWARMS, agent_pids, free_base_port, swarm, until
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(600)]

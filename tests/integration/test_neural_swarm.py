@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 
-from agent import checkpoint
-from agent.config import load
-from agent.pilot import Pilot
-from agent.runfolder import RunFolder
-from deploy.evaluate import Evaluation
+from agent.config.experiment import load
+from agent.learning.pilot import Pilot
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
+from deploy.policies.evaluate import Evaluation
 from tests.integration.harness import MEMBERS, SWARMS, free_base_port, swarm, until
 
 PATIENCE = 240.0  # [s] torch alone takes a loaded machine a while to import

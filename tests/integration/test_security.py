@@ -11,13 +11,13 @@ import msgspec
 import pytest
 import zenoh
 
-from agent.config import load
-from agent.runfolder import RunFolder
-from deploy.certs import make_certificates
-from swarm.keys import Keys
-from swarm.roster import Roster
-from swarm.security import OBSERVER, Party, Security
-from swarm.session import Network, configuration, open_session
+from agent.config.experiment import load
+from agent.storage.runfolder import RunFolder
+from deploy.images.certs import make_certificates
+from swarm.wire.keys import Keys
+from swarm.wire.roster import Roster
+from swarm.wire.security import OBSERVER, Party, Security
+from swarm.wire.session import Network, configuration, open_session
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,

@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from swarm.inbox import KEPT, Box, Inbox
-from swarm.payload import PROTOCOL, Message, ParameterHeader
-from swarm.roster import Presence
-from swarm.timing import (
+from swarm.protocol.timing import (
     PATIENCE,
     Timing,
     awaited,
@@ -15,6 +12,9 @@ from swarm.timing import (
     out_of_time,
     strangers,
 )
+from swarm.wire.inbox import KEPT, Box, Inbox
+from swarm.wire.payload import PROTOCOL, Message, ParameterHeader
+from swarm.wire.roster import Presence
 
 
 def header(agent: str, round_: int, *neighbours: str, incarnation: str = "1") -> ParameterHeader:

@@ -1,7 +1,7 @@
 import numpy as np
 
-from swarm.loss import Loss, lost
 from swarm.memory import Faults, MemoryExchange, Partition, Poison
+from swarm.mixing.loss import Loss, lost
 
 PAIR = {"a": ("b",), "b": ("a",)}
 

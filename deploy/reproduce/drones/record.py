@@ -11,10 +11,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.runfolder import RunFolder
-from deploy.evaluate import MODES, Cell, Evaluation, Mode
+from agent.storage.runfolder import RunFolder
+from deploy.policies.evaluate import MODES, Cell, Evaluation, Mode
 from deploy.reproduce.drones.runs import SWARM, Run
-from sim.indoor.scenes import NAMES
+from sim.indoor.content.scenes import NAMES
 from swarm.errors import ConfigError
 
 POINTS = 30  # of a curve

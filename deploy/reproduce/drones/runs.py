@@ -11,10 +11,10 @@ from pathlib import Path
 
 import msgspec
 
-from agent import checkpoint
-from agent.config import SwarmFile, load
-from agent.runfolder import RunFolder
-from swarm.telemetry import RoundReport
+from agent.config.experiment import SwarmFile, load
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
+from swarm.reports.telemetry import RoundReport
 
 ESTIMATORS = ("reinforce", "a2c", "ppo")
 SWARM = "dcpg"
@@ -102,7 +102,7 @@ def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
         budget: environment steps of every agent; at least so many are taken.
         seed: of all of them.
     """
-    source = Path(str(files("deploy") / "swarms" / f"drones-{estimator}.toml"))
+    source = Path(str(files("deploy") / "library" / "swarms" / f"drones-{estimator}.toml"))
     whole = load(source)
     rounds = -(-budget // steps_per_round(whole))
     whole = msgspec.structs.replace(whole, rounds=rounds, seed=seed)

@@ -7,13 +7,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from deploy.evaluate import MODES, Mode
+from deploy.policies.evaluate import MODES, Mode
 from deploy.reproduce.claims import Claim, Findings, Options, bounded, provenance
 from deploy.reproduce.drones.curves import draw
 from deploy.reproduce.drones.record import Made, Matrix, Record, check, record
 from deploy.reproduce.drones.runs import ESTIMATORS, plan
 from deploy.reproduce.drones.training import assess, train
-from sim.indoor.scenes import NAMES, TRAINED, UNSEEN
+from sim.indoor.content.scenes import NAMES, TRAINED, UNSEEN
 
 EPISODE = 150  # steps; what an episode is taken to be where a budget counts episodes
 

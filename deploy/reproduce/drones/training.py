@@ -13,9 +13,9 @@ from pathlib import Path
 
 import msgspec
 
-from agent.config import load
-from deploy.evaluate import Evaluation, evaluate
-from deploy.processes import end_all, last_line
+from agent.config.experiment import load
+from deploy.policies.evaluate import Evaluation, evaluate
+from deploy.process.processes import end_all, last_line
 from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError
 

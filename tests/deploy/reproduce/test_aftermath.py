@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from deploy.chaos.faults import Fault
-from deploy.journal import Event
+from deploy.launch.journal import Event
 from deploy.reproduce.aftermath import (
     Trace,
     agreement,
@@ -15,7 +15,7 @@ from deploy.reproduce.aftermath import (
     repeated,
     usual_disagreement,
 )
-from swarm.telemetry import RoundReport
+from swarm.reports.telemetry import RoundReport
 
 NEAR = {"a": frozenset("bc"), "b": frozenset("ac"), "c": frozenset("ab")}
 BLANK = RoundReport(

@@ -9,19 +9,19 @@ import pytest
 from msgspec.structs import replace
 from rich.console import Console
 
-from agent.checkpoint import Checkpoint, write
-from agent.pilot import Pilot
-from deploy.evaluate import Cell, Evaluation
+from agent.learning.pilot import Pilot
+from agent.storage.checkpoint import Checkpoint, write
+from deploy.policies.evaluate import Cell, Evaluation
 from deploy.reproduce.claims import Findings, Options, publish
 from deploy.reproduce.drones import table
 from deploy.reproduce.drones.record import read
 from deploy.reproduce.drones.runs import ESTIMATORS, Run, last, plan, steps_per_round
 from deploy.reproduce.drones.training import train
-from sim.indoor.scenes import NAMES
+from sim.indoor.content.scenes import NAMES
 from swarm.errors import ConfigError, SwarmError
-from swarm.telemetry import RoundReport
+from swarm.reports.telemetry import RoundReport
 
-RESULTS = Path(__file__).parents[3] / "deploy" / "results"
+RESULTS = Path(__file__).parents[3] / "deploy" / "docs" / "results"
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from deploy import namespaces
+from deploy.chaos import namespaces
 from deploy.reproduce import network
 from deploy.reproduce.aftermath import Aftermath
 from deploy.reproduce.claims import Options

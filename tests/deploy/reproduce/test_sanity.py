@@ -2,10 +2,10 @@
 
 import pytest
 
-from agent.estimators import A2C, PPO, Reinforce, Sampled
+from agent.learning.estimators import A2C, PPO, Reinforce, Sampled
 from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
-from deploy.reproduce.simulator import simulate_together
+from deploy.simulate.simulator import simulate_together
 
 ROUNDS = 700
 COMMON = {"gamma": 0.99, "entropy_weight": 0.03, "episodes": 10, "horizon": 200}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from deploy import cli
-from deploy.reproduce import cli as reproduce
+from deploy.cli import main as cli
+from deploy.cli import reproduce
 from deploy.reproduce import examples
 from deploy.reproduce.claims import Claim, Findings, Options, at_most, bounded, close, markdown
 from swarm.errors import SwarmError
@@ -114,7 +114,7 @@ def test_without_matplotlib_one_line_says_so(
 
 def test_every_study_has_kept_its_results() -> None:
     for name in (*reproduce.STUDIES, "network"):
-        record = json.loads((ROOT / "deploy" / "results" / f"{name}.json").read_text())
+        record = json.loads((ROOT / "deploy" / "docs" / "results" / f"{name}.json").read_text())
         assert all(claim["holds"] for claim in record["claims"]), name
         assert not record["made"]["quick"]
-    assert (ROOT / "deploy" / "results" / "fig2.png").stat().st_size < 300_000
+    assert (ROOT / "deploy" / "docs" / "results" / "fig2.png").stat().st_size < 300_000

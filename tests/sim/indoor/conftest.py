@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.indoor.plan import Plan
-from sim.indoor.scene import Scene, build, load
-from sim.indoor.scenes import NAMES
-from sim.indoor.shapes import box, circle, prism
-from sim.indoor.textures import Material, plain
+from sim.indoor.content.plan import Plan
+from sim.indoor.content.scene import Scene, build, load
+from sim.indoor.content.scenes import NAMES
+from sim.indoor.content.textures import Material, plain
+from sim.indoor.geometry.shapes import box, circle, prism
 
 WHITE = plain("#ffffff")
 

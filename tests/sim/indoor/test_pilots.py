@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deploy import fly, pilots, worlds
+from deploy.flying import measure as fly
+from deploy.flying import pilots
+from deploy.flying import sheet as worlds
 
 
 def test_pilots_order(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.indoor.flights import RADIUS
+from sim.indoor.flight.flights import RADIUS
 from sim.vehicle.control import Speeds
 from sim.vehicle.quadrotor import Quadrotor
 from sim.vehicle.rooms import Room

@@ -1,0 +1,1 @@
+"""A swarm file: its types, how it is read, and what it refuses."""

@@ -1,0 +1,1 @@
+"""One agent as a process: its rounds, what it answers, how it joins."""

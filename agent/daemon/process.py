@@ -1,0 +1,320 @@
+"""One agent as a process: joins its swarm, plays the rounds, keeps checkpoints, answers questions.
+
+Interface: :func:`run_agent`.  Life of an agent: wait until its id is free, learn the swarm's newest
+state, announce itself, wait for the others, play rounds, stay until the neighbours need nothing
+more, leave.  Told to stop, it ends with the checkpoint of the last whole round.
+"""
+
+import logging
+import threading
+import time
+from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import BinaryIO
+
+import msgspec
+
+from agent.config.experiment import SwarmFile
+from agent.daemon import answers
+from agent.daemon.answers import Life
+from agent.daemon.joining import serve_config
+from agent.daemon.metrics import serve_metrics
+from agent.daemon.notify import Systemd
+from agent.daemon.rounds import Outcome, Rounds
+from agent.daemon.spotter import Spotter
+from agent.learning.learner import Attendance, Learner
+from agent.learning.learners import build_learner
+from agent.storage import checkpoint
+from agent.storage.checkpoint import Checkpoint
+from agent.storage.runfolder import RunFolder
+from swarm.errors import ConfigError
+from swarm.exchange import Exchange
+from swarm.mixing.consensus import sketch
+from swarm.mixing.rules import RULES, Mixer
+from swarm.reports.history import serve_history
+from swarm.reports.telemetry import RoundReport, TelemetryPublisher
+from swarm.wire.keys import Keys
+from swarm.wire.payload import Layout
+from swarm.wire.refusals import Refusals
+from swarm.wire.roster import Roster
+from swarm.wire.session import open_session
+
+log = logging.getLogger(__name__)
+SETTLING = 20  # rounds of mixing alone at the end of an asynchronous swarm
+SKETCHES = 200  # sketches and routes in the metrics file of one run
+
+
+def layout_of(config: SwarmFile, learner: Learner) -> Layout:
+    """What the parameter vectors of this swarm mean."""
+    return Layout(
+        swarm=config.name,
+        parts=learner.parts,
+        precision=config.policy.precision,
+        copies=RULES[config.mixing.rule].copies,
+        codec=config.mixing.compression,
+    )
+
+
+def run_agent(
+    config: SwarmFile,
+    agent: str,
+    folder: RunFolder,
+    stop: threading.Event,
+    resume: bool = False,
+    begin: int | None = None,
+    metrics_at: str | None = None,
+) -> int:
+    """Run one agent to the end of its rounds, or until it is told to stop.
+
+    Args:
+        config: the swarm file.
+        agent: its id.
+        folder: where it keeps what it makes.
+        stop: set it, and the agent ends within a second with a checkpoint.
+        resume: go on from its newest checkpoint.
+        begin: with ``resume``, go on from the checkpoint of this round instead.
+        metrics_at: ``HOST:PORT`` for :mod:`agent.daemon.metrics`.
+
+    Returns:
+        The round it reached.
+
+    Raises:
+        SwarmError: for everything that a user can mend.
+    """
+    index = config.index(agent)
+    folder.prepare(agent)
+    learner = build_learner(config, agent)
+    layout, keys = layout_of(config, learner), Keys(config.name)
+    incarnation = f"{time.time_ns():x}"
+    first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
+    mixer = Mixer(config.mixing)
+    life, systemd = Life("waiting", first), Systemd()
+    endpoints = [config.endpoint(member) for member in config.members]
+    listen = config.network.listen or endpoints[index]
+    with ExitStack() as resources:
+        resources.callback(learner.close)
+        session = resources.enter_context(
+            open_session(config.network, config.party(agent), [listen], endpoints[:index])
+        )
+        refusals = resources.enter_context(Refusals(session, keys, agent, layout))
+        roster = resources.enter_context(Roster(session, keys, refusals.refused))
+        exchange = resources.enter_context(
+            Exchange(
+                session, keys, (agent, incarnation), config.members, layout, mixer.codec,
+                config.timing, roster, waits=config.pace == "sync",
+                shared_memory=config.network.shared_memory, last=config.rounds,
+            )
+        )  # fmt: skip
+        telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
+        metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
+        rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
+        spotter = Spotter(agent, telemetry, lambda: life.at.round)
+        learner.attendance = Attendance(stop.is_set, spotter.see)
+        refusals.check()
+        roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
+        life.at = _catch_up(config, exchange, first)
+        mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
+        learner_state |= life.at.optimizer
+        exchange.handover.serve(lambda: _state(life.at, rounds))
+        for report in folder.reports(agent):
+            life.history.take(report)
+        serve_history(session, keys, agent, life.history)
+        serve_config(session, keys, agent, config, lambda: life.at.round)
+        answers.serve_status(session, keys, life, rounds, incarnation)
+        if metrics_at is not None:
+            ask = partial(answers.health, life, rounds, incarnation)
+            resources.enter_context(serve_metrics(metrics_at, config.name, ask))
+        roster.announce(agent, incarnation)
+        systemd.ready()
+        log.info("round %d: announced as %s on %s", life.at.round, incarnation, listen)
+        # One who comes back alone goes on at once; a swarm begins, or resumes, together.
+        together = begin is not None or life.at.round == 0
+        if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
+            log.warning(
+                "round %d: %s not here after %.0f s, going on without",
+                life.at.round,
+                ", ".join(sorted(absent)),
+                config.timing.start,
+            )
+        life.state = "learning"
+        while config.progress(life.at) < config.rounds and not stop.is_set():
+            _play(config, rounds, life, folder, telemetry, metrics)
+            systemd.alive(f"round {life.at.round} of {config.rounds}")
+        systemd.stopping()
+        if stop.is_set():
+            for unwritten in (*life.unwritten, life.at):
+                checkpoint.write(folder.checkpoints(agent), unwritten)
+            log.info("round %d: told to stop, checkpoint written", life.at.round)
+        else:
+            life.state = "finished"
+            if life.report is not None:
+                telemetry.put(life.report, always=True)
+            if config.pace == "async":
+                _follow_neighbours(rounds, life)
+                checkpoint.write(folder.checkpoints(agent), life.at)
+            else:
+                _see_neighbours_finish(rounds, life)
+            log.info("round %d: finished", life.at.round)
+    return life.at.round
+
+
+def _play(
+    config: SwarmFile,
+    rounds: Rounds,
+    life: Life,
+    folder: RunFolder,
+    telemetry: TelemetryPublisher,
+    metrics: BinaryIO,
+) -> None:
+    """Play one round; keep and tell what it gave."""
+    at, start = life.at, time.monotonic()
+    outcome = rounds.play(at.round, at.theta, at.learned)
+    if outcome is None:
+        return
+    if outcome.next_round > at.round + 1:
+        log.warning("round %d: behind, jumping to round %d", at.round, outcome.next_round)
+    life.at = Checkpoint(
+        round=outcome.next_round,
+        fingerprint=at.fingerprint,
+        theta=outcome.theta,
+        mixing=dict(rounds.mixer.state),
+        optimizer=dict(rounds.learner.optimizer_state),
+        episodes=at.episodes + outcome.step.episodes,
+        steps=at.steps + outcome.step.steps,
+        learned=outcome.learned,
+    )
+    last = config.progress(life.at) >= config.rounds
+    if last or life.at.round % config.checkpoint_every == 0:
+        checkpoint.write(folder.checkpoints(rounds.agent), life.at)
+        life.unwritten.clear()
+    else:
+        life.unwritten.append(life.at)
+    sparse = last or at.round % max(1, config.rounds // SKETCHES) == 0
+    detailed = sparse or telemetry.due() or life.history.due(at.round)
+    report = _report(rounds, at, outcome, time.monotonic() - start, detailed)
+    life.report, life.reported = report, time.monotonic()
+    life.history.take(report)
+    telemetry.put(report)
+    kept = report if sparse else msgspec.structs.replace(report, sketch=(), route=())
+    metrics.write(msgspec.json.encode(kept) + b"\n")
+
+
+def _report(
+    rounds: Rounds, at: Checkpoint, outcome: Outcome, seconds: float, detailed: bool
+) -> RoundReport:
+    step = outcome.step
+    return RoundReport(
+        agent=rounds.agent,
+        round=at.round,
+        time=time.time(),
+        seconds=seconds,
+        waited=outcome.waited,
+        value=step.value,
+        episodes=at.episodes + step.episodes,
+        steps=at.steps + step.steps,
+        gradient_norm=step.gradient_norm,
+        distance=step.distance,
+        disagreement=outcome.disagreement,
+        weights=outcome.weights,
+        missing=outcome.missing,
+        one_sided=rounds.ledger.one_sided,
+        sketch=tuple(sketch(at.theta).tolist()) if detailed else (),
+        route=rounds.learner.route(at.theta) if detailed else (),
+        learned=outcome.learned,
+    )
+
+
+def _first_checkpoint(
+    learner: Learner,
+    layout: Layout,
+    folder: RunFolder,
+    agent: str,
+    resume: bool,
+    begin: int | None,
+) -> Checkpoint:
+    """Where to begin: round 0, or a checkpoint.
+
+    Raises:
+        ConfigError: there are checkpoints, and nobody said what to do with them.
+        CheckpointError: the one asked for does not fit.
+    """
+    held = checkpoint.rounds_in(folder.checkpoints(agent))
+    if not resume and held:
+        raise ConfigError(
+            f'run folder "{folder.path}" has checkpoints of "{agent}" (newest: round {held[-1]}): '
+            "expected --resume to go on, or --run with another folder"
+        )
+    if resume and (held or begin is not None):
+        round_ = held[-1] if begin is None else begin
+        path = checkpoint.path_of(folder.checkpoints(agent), round_)
+        first = checkpoint.read(path, layout.fingerprint)
+        checkpoint.drop_after(folder.checkpoints(agent), round_)
+        return first
+    return Checkpoint(0, layout.fingerprint, learner.initial())
+
+
+def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpoint:
+    """Join the swarm where it is: parameters and round of the neighbour that is furthest on."""
+    newest = exchange.handover.fetch(config.timing.state)
+    if newest is None or config.progress(newest.header) <= config.progress(own):
+        return own
+    header = newest.header
+    log.info(
+        "round %d: joining at round %d with the parameters of %s",
+        own.round,
+        header.round,
+        header.agent,
+    )
+    # What the mixing rule remembers belongs to the old parameters: begin it anew.
+    return replace(
+        own,
+        round=max(own.round, header.round),
+        theta=newest.vector.copy(),
+        mixing={},
+        learned=header.learned,
+    )
+
+
+def _state(at: Checkpoint, rounds: Rounds) -> tuple[int, float, tuple[str, ...], bytes]:
+    """What a joiner asks for, all of one round although the rounds go on meanwhile."""
+    return at.round, at.learned, rounds.neighbours(), at.theta.tobytes()
+
+
+def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
+    """Publish the last parameters and stay until the neighbours have got as far."""
+    nearby = rounds.neighbours()
+    theta = life.at.theta
+    rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
+    limit = rounds.config.timing.finish
+    rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
+
+
+def _follow_neighbours(rounds: Rounds, life: Life) -> None:
+    """Go on mixing until the neighbours have learned all, or learn no more, and a little longer."""
+    learning, since, left = rounds.still_learning(), time.monotonic(), SETTLING
+    while left and (outcome := rounds.play(life.at.round, life.at.theta, life.at.learned)):
+        life.at = replace(life.at, round=outcome.next_round, theta=outcome.theta)
+        before, learning = learning, rounds.still_learning()
+        if learning != before:
+            since = time.monotonic()
+        if not learning or time.monotonic() > since + rounds.config.timing.round:
+            left -= 1
+
+
+def _open_metrics(path: Path, begin: int) -> BinaryIO:
+    """The metrics file, open for appending, without rounds that will be played again."""
+    if path.exists():
+        decoder = msgspec.json.Decoder(RoundReport)
+        kept = []
+        for line in path.read_bytes().splitlines(keepends=True):
+            try:
+                if decoder.decode(line).round < begin:
+                    kept.append(line)
+            except msgspec.MsgspecError:
+                continue
+        draft = path.with_suffix(".draft")
+        draft.write_bytes(b"".join(kept))
+        draft.replace(path)
+    return path.open("ab", buffering=0)

@@ -1,0 +1,1 @@
+"""How one agent learns: networks, estimators, rollouts, optimizers."""

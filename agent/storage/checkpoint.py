@@ -1,0 +1,125 @@
+"""An agent's whole state at the beginning of a round, on disk as safetensors.
+
+A checkpoint is written beside its final name and moved there in one step, so a reader finds a
+whole one or none.  The newest :data:`KEPT` stay, of large ones :data:`KEPT_LARGE`: agents of a ring
+stop at slightly different rounds, and a swarm resumes at the newest round that all of them have.
+"""
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save
+
+from agent.errors import CheckpointError
+
+Vector = NDArray[np.floating]
+KEPT = 16  # of a few kilobytes each
+KEPT_LARGE = 4
+LARGE = 2**20  # bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """What an agent needs to begin ``round`` as if it had never stopped.
+
+    Attributes:
+        round: the round that begins with these parameters.
+        fingerprint: of the parameters' layout.
+        theta: (d,) parameters.
+        mixing: vectors of the mixing rule.
+        optimizer: vectors of the optimiser.
+        episodes, steps: flown so far.
+        learned: so far [rounds], in a swarm without common rounds; see
+            :mod:`swarm.mixing.staleness`.
+    """
+
+    round: int
+    fingerprint: str
+    theta: Vector
+    mixing: dict[str, Vector] = field(default_factory=dict)
+    optimizer: dict[str, Vector] = field(default_factory=dict)
+    episodes: int = 0
+    steps: int = 0
+    learned: float = 0.0
+
+
+def path_of(folder: Path, round_: int) -> Path:
+    """File of the checkpoint that begins a round."""
+    return folder / f"{round_:08d}.safetensors"
+
+
+def rounds_in(folder: Path) -> list[int]:
+    """Rounds that a folder has checkpoints of, oldest first."""
+    return sorted(int(f.stem) for f in folder.glob("*.safetensors") if f.stem.isdigit())
+
+
+def write(folder: Path, checkpoint: Checkpoint) -> Path:
+    """Write atomically and remove what is older than the newest :data:`KEPT`, or KEPT_LARGE."""
+    tensors = {"theta": checkpoint.theta}
+    tensors |= {f"mixing.{name}": v for name, v in checkpoint.mixing.items()}
+    tensors |= {f"optimizer.{name}": v for name, v in checkpoint.optimizer.items()}
+    notes = {
+        "round": str(checkpoint.round),
+        "fingerprint": checkpoint.fingerprint,
+        "episodes": str(checkpoint.episodes),
+        "steps": str(checkpoint.steps),
+        "learned": repr(checkpoint.learned),
+    }
+    final = path_of(folder, checkpoint.round)
+    draft = final.with_suffix(".draft")
+    size = draft.write_bytes(save(tensors, notes))
+    draft.replace(final)
+    for old in rounds_in(folder)[: -(KEPT_LARGE if size > LARGE else KEPT)]:
+        path_of(folder, old).unlink(missing_ok=True)
+    return final
+
+
+def drop_after(folder: Path, round_: int) -> None:
+    """Remove checkpoints of later rounds: those rounds are about to be played anew."""
+    for later in rounds_in(folder):
+        if later > round_:
+            path_of(folder, later).unlink(missing_ok=True)
+
+
+def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
+    """Read a checkpoint.
+
+    Args:
+        path: the file.
+        fingerprint: expected layout; None accepts any.
+
+    Raises:
+        CheckpointError: missing, torn, or of another layout.
+    """
+    try:
+        with safe_open(os.fspath(path), framework="numpy") as file:
+            notes = file.metadata() or {}
+            tensors: dict[str, Vector] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        checkpoint = Checkpoint(
+            round=int(notes["round"]),
+            fingerprint=notes["fingerprint"],
+            theta=tensors["theta"],
+            mixing=_under("mixing.", tensors),
+            optimizer=_under("optimizer.", tensors),
+            episodes=int(notes["episodes"]),
+            steps=int(notes["steps"]),
+            learned=float(notes.get("learned", 0.0)),
+        )
+    except FileNotFoundError:
+        raise CheckpointError(f'no checkpoint "{path}"') from None
+    except (SafetensorError, KeyError, ValueError, OSError) as error:
+        raise CheckpointError(f'checkpoint "{path}" does not read: {error}') from None
+    if fingerprint is not None and checkpoint.fingerprint != fingerprint:
+        raise CheckpointError(
+            f'checkpoint "{path}" has layout {checkpoint.fingerprint}: expected {fingerprint}; '
+            "was the swarm file's policy, mixing or name changed?"
+        )
+    return checkpoint
+
+
+def _under(prefix: str, tensors: dict[str, Vector]) -> dict[str, Vector]:
+    return {name.removeprefix(prefix): v for name, v in tensors.items() if name.startswith(prefix)}

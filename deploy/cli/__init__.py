@@ -1,0 +1,1 @@
+"""The command line ``swarm``: one page of arguments for each group of commands."""

@@ -1,0 +1,179 @@
+"""The commands about single drones: ``swarm vehicle`` and ``swarm fly``."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from deploy.process.signals import stop_on_signals
+from swarm.errors import ConfigError
+
+app = typer.Typer()
+
+
+@app.command()
+def vehicle(
+    port: Annotated[
+        int, typer.Option(help="UDP: companions listen here, we on port + 40; TCP: we do.")
+    ] = 14540,
+    sysid: Annotated[int, typer.Option(help="MAVLink system id.")] = 1,
+    scene: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="World to fly in; default: an open field."),
+    ] = None,
+    start: Annotated[
+        int, typer.Option(min=0, help="Home is below this start pose of the scene.")
+    ] = 0,
+    flavour: Annotated[str, typer.Option(help="Whose behaviour: px4 or ardupilot.")] = "px4",
+    speed: Annotated[float, typer.Option(help="Simulated seconds per second.")] = 1.0,
+    lockstep: Annotated[
+        float | None,
+        typer.Option(metavar="SECONDS", help="Advance by this much, only when told."),
+    ] = None,
+    tcp: Annotated[bool, typer.Option("--tcp", help="Listen on TCP instead of UDP.")] = False,
+    host: Annotated[str, typer.Option(help="Send there; not 127.0.0.1: listen everywhere.")] = (
+        "127.0.0.1"
+    ),
+    ground_port: Annotated[
+        int, typer.Option(help="UDP: a ground station listens here; 0: none.")
+    ] = 14550,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Sign messages; believe only signed ones."),
+    ] = None,
+    wind: Annotated[
+        str | None, typer.Option(metavar="N,E[,GUSTS]", help="Wind [m/s], north and east.")
+    ] = None,
+    noise: Annotated[bool, typer.Option("--noise", help="Imperfect sensors.")] = False,
+    seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
+) -> None:
+    """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
+    from deploy.flying.vehicle import fly, read_key, read_wind  # noqa: PLC0415
+    from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
+    from sim.vehicle.quadrotor import NOISY, Noise, Weather  # noqa: PLC0415
+    from sim.vehicle.server import Options  # noqa: PLC0415
+
+    if flavour not in FLAVOURS:
+        raise ConfigError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')
+    try:
+        options = Options(
+            port=port,
+            system=sysid,
+            flavour=FLAVOURS[flavour],
+            speed=speed,
+            lockstep=lockstep,
+            tcp=tcp,
+            host=host,
+            ground_port=ground_port or None,
+            key=read_key(signing_key) if signing_key is not None else None,
+            weather=read_wind(wind) if wind is not None else Weather(),
+            noise=NOISY if noise else Noise(),
+            seed=seed,
+            scene=scene,
+            start=start,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    fly(options, stop_on_signals())
+
+
+@app.command()
+def fly(
+    source: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False
+        ),
+    ] = None,
+    vehicle: Annotated[
+        str | None,
+        typer.Option(metavar="CONNECTION", help="Fly this drone, e.g. udpin:0.0.0.0:14540."),
+    ] = None,
+    pilot: Annotated[
+        str | None, typer.Option(help="Instead of RUN: greedy (the default), straight or random.")
+    ] = None,
+    scenes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--scene",
+            metavar="NAME|FILE",
+            help="World; repeatable without --vehicle; default: all.",
+        ),
+    ] = None,
+    flights: Annotated[
+        int | None,
+        typer.Option(min=1, help="In each world, default 16; with --vehicle default until Ctrl-C."),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0)] = 0,
+    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    agent: Annotated[
+        str | None,
+        typer.Option(metavar="ID", help="RUN: one agent's parameters, not the mean of all."),
+    ] = None,
+    dice: Annotated[
+        bool, typer.Option("--dice", help="RUN: draw actions as in training, not the likeliest.")
+    ] = False,
+    start: Annotated[
+        int, typer.Option(min=0, help="--vehicle: its local origin is below this start pose.")
+    ] = 0,
+    speed: Annotated[float, typer.Option(help="--vehicle: of a step [m/s].")] = 0.5,
+    fence: Annotated[float, typer.Option(help="--vehicle: farthest from take-off [m].")] = 100.0,
+    battery: Annotated[float, typer.Option(help="--vehicle: lands below this share.")] = 0.15,
+    sysid: Annotated[
+        int, typer.Option(min=0, help="--vehicle: its system id; 0: whichever is heard first.")
+    ] = 0,
+    signing_key: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="--vehicle: sign messages.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="--vehicle: of the recordings; default in RUN/flights."),
+    ] = None,
+) -> None:
+    """Fly a drone by what was learned, landing on Ctrl-C; or measure hand-made pilots.
+
+    With --vehicle the drone takes off and flies in a virtual world, by the policy of RUN or by a
+    hand-made pilot.  Without, hand-made pilots fly the worlds and their mean safe flight [m] is
+    printed; for that of a learned policy see "swarm eval".
+    """
+    from sim.indoor.content.scenes import NAMES  # noqa: PLC0415
+
+    if source is not None and (pilot is not None or vehicle is None):
+        raise ConfigError("RUN needs --vehicle and no --pilot: without a vehicle use swarm eval")
+    if vehicle is None:
+        from deploy.flying.measure import fly as start_measuring  # noqa: PLC0415
+
+        try:
+            start_measuring(pilot or "greedy", scenes or NAMES, flights or 16, seed, as_json=json)
+        except (ValueError, OSError) as error:
+            raise ConfigError(str(error)) from None
+        return
+    from agent.vehicle import Limits  # noqa: PLC0415
+    from deploy.flying.flight import Plan, folder_of, handmade, learned, report  # noqa: PLC0415
+    from deploy.flying.flight import fly as start_flying  # noqa: PLC0415
+    from deploy.flying.vehicle import read_key  # noqa: PLC0415
+
+    if scenes is not None and len(scenes) != 1:
+        raise ConfigError(f"{len(scenes)} worlds for one drone: expected one --scene")
+    try:
+        plan = Plan(
+            vehicle=vehicle,
+            folder=out or folder_of(source),
+            scene=(scenes or NAMES)[0],
+            start=start,
+            speed=speed,
+            flights=flights,
+            seed=seed,
+            system=sysid,
+            key=read_key(signing_key) if signing_key is not None else None,
+            limits=Limits(fence=fence, battery=battery),
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+    if source is None:
+        decide = handmade(pilot or "greedy", seed)
+    else:
+        decide = learned(source, agent, greedy=not dice, seed=seed)
+    summary = start_flying(plan, decide, lambda line: print(line, file=sys.stderr, flush=True))
+    report(summary, plan.folder, json)

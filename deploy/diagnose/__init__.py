@@ -1,0 +1,1 @@
+"""Why an agent sees nobody: facts and their judgement."""

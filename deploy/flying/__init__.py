@@ -1,0 +1,1 @@
+"""Single drones: pilots, flights through worlds and with vehicles, contact sheets."""

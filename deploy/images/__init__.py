@@ -1,0 +1,1 @@
+"""What machines need to run agents: images, compose file, systemd unit, certificates."""

@@ -1,0 +1,1 @@
+"""Starting a swarm on this machine: preparation, supervision, progress, result."""

@@ -1,0 +1,134 @@
+"""What `swarm up` shows while agents learn: a live table, or lines where there is no terminal."""
+
+import threading
+import time
+from typing import Self
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from agent.config.experiment import SwarmFile
+from swarm.mixing.consensus import sketch_errors
+from swarm.reports.telemetry import RoundReport
+
+LINES_EVERY = 2.0  # [s] between lines where the output is not a terminal
+
+
+class Progress:
+    """Collects reports (on any thread) and shows them (on the caller's); a context manager."""
+
+    def __init__(self, config: SwarmFile) -> None:
+        self._config = config
+        self._console = Console()
+        self._live = Live(console=self._console, auto_refresh=False, transient=True)
+        self._reports: dict[str, RoundReport] = {}
+        self._first: dict[str, tuple[float, float]] = {}  # round and monotonic time [s] of arrival
+        self._lock = threading.Lock()
+        self._next_line = 0.0
+        self._start = time.monotonic()
+
+    def take(self, report: RoundReport) -> None:
+        """A report came in."""
+        if report.agent not in self._config.members:
+            return
+        with self._lock:
+            if not self._reports:
+                started = time.monotonic() - self._start
+                self.say(f"first round after {started:.1f} s")
+            self._first.setdefault(report.agent, (self._reached(report), time.monotonic()))
+            self._reports[report.agent] = report
+
+    @property
+    def complete(self) -> bool:
+        """Whether every agent has reported."""
+        with self._lock:
+            return len(self._reports) == len(self._config.members)
+
+    @property
+    def round(self) -> int:
+        """Newest round that every agent has reported."""
+        with self._lock:
+            return int(min(map(self._reached, self._reports.values()), default=0))
+
+    def _reached(self, report: RoundReport) -> float:
+        return self._config.progress(report)
+
+    def say(self, text: str) -> None:
+        """Print one line above the live table."""
+        elapsed = time.monotonic() - self._start
+        self._console.print(
+            f"[{elapsed:6.1f} s] {text}", highlight=False, markup=False, soft_wrap=True
+        )
+
+    def show(self) -> None:
+        """Refresh."""
+        with self._lock:
+            reports = dict(self._reports)
+        if self._console.is_terminal:
+            self._live.update(self._table(reports), refresh=True)
+        elif reports and time.monotonic() >= self._next_line:
+            self._next_line = time.monotonic() + LINES_EVERY
+            self.say(self._line(reports))
+
+    def _time_left(self, reports: dict[str, RoundReport]) -> float | None:
+        """Seconds to the end at the pace so far [s]."""
+        slowest = min(reports.values(), key=self._reached)
+        first, began = self._first[slowest.agent]
+        done = self._reached(slowest) - first
+        if done <= 0:
+            return None
+        return (self._config.rounds - self._reached(slowest)) * (time.monotonic() - began) / done
+
+    def _line(self, reports: dict[str, RoundReport]) -> str:
+        errors, left = _errors(reports), self._time_left(reports)
+        parts = [
+            f"round {min(map(self._reached, reports.values())):.0f}/{self._config.rounds}",
+            f"agents {len(reports)}/{len(self._config.members)}",
+            _gains([reports[agent] for agent in sorted(reports)]),
+            f"consensus error {max(errors.values(), default=0.0):.3f}",
+        ]
+        return ", ".join(parts) + (f", {left:.0f} s left" if left is not None else "")
+
+    def _table(self, reports: dict[str, RoundReport]) -> Table:
+        errors = _errors(reports)
+        left = self._time_left(reports) if reports else None
+        title = f"swarm {self._config.name}"
+        table = Table(title=title + (f", {left:.0f} s left" if left is not None else ""))
+        for heading in ("agent", "round", "return", "consensus error", "ms/round", "neighbours"):
+            table.add_column(heading, justify="left" if heading == "agent" else "right")
+        for agent in self._config.members:
+            report = reports.get(agent)
+            if report is None:
+                table.add_row(agent, "starting", "", "", "", "")
+                continue
+            nearby = [*report.weights, *(f"({name})" for name in report.missing)]
+            table.add_row(
+                agent,
+                f"{self._reached(report):.0f}/{self._config.rounds}",
+                f"{report.value:+.3f}",
+                f"{errors[agent]:.3f}" if agent in errors else "",
+                f"{report.seconds * 1e3:.1f}",
+                " ".join(nearby),
+            )
+        return table
+
+    def __enter__(self) -> Self:
+        if self._console.is_terminal:
+            self._live.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._live.stop()
+
+
+def _gains(reports: list[RoundReport]) -> str:
+    """Lengths of flights where the worlds tell them, else returns."""
+    if any(report.distance is not None for report in reports):
+        return "flights [m] " + " ".join(f"{report.distance or 0.0:.1f}" for report in reports)
+    return "return " + " ".join(f"{report.value:+.2f}" for report in reports)
+
+
+def _errors(reports: dict[str, RoundReport]) -> dict[str, float]:
+    """Distance of each agent from the mean, from the newest sketches."""
+    return sketch_errors({agent: report.sketch for agent, report in reports.items()})

@@ -1,0 +1,1 @@
+"""Swarm files, faults and policies that come with the package, found by name."""

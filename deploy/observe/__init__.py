@@ -1,0 +1,1 @@
+"""Watching a swarm without taking part: status."""

@@ -1,0 +1,178 @@
+"""``swarm eval RUN``: how far the learned policy flies, in every world, greedily and by its dice.
+
+The worlds are the six indoor scenes where the run's tasks are flights, else the run's own tasks.
+Measured is the safe flight [m] where a world tells it, else the sum of rewards.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import msgspec
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from agent.config.experiment import AgentEntry, SwarmFile, Task, load
+from agent.learning.evaluation import Flown, fly
+from agent.learning.pilot import Pilot, use_threads
+from agent.storage.runfolder import open_run
+from sim.indoor.content.scenes import NAMES, TRAINED
+from swarm.errors import ConfigError
+
+FLIGHT = "sim:IndoorFlight-v0"
+MOST_STEPS = 2500  # 1 km
+SIDE_BY_SIDE = 20  # flights at a time
+Mode = Literal["greedy", "stochastic"]
+MODES: tuple[Mode, ...] = ("greedy", "stochastic")
+
+
+class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Flights in one world.
+
+    Attributes:
+        mode: how actions were chosen.
+        flights: how many.
+        mean, deviation: of their length [m], or of their sum of rewards.
+        capped: share that was still flying after :data:`MOST_STEPS`.
+    """
+
+    mode: Mode
+    flights: int
+    mean: float
+    deviation: float
+    capped: float
+
+
+class Evaluation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What ``eval.json`` holds.
+
+    Attributes:
+        source: what flew.
+        agent: whose parameters; None for the mean of all.
+        measure: "m" or "return".
+        seed: of the first world.
+        cells: by world.
+    """
+
+    source: str
+    agent: str | None
+    measure: str
+    seed: int
+    cells: dict[str, list[Cell]]
+
+    def mean(self, world: str, mode: Mode) -> float:
+        """Mean of one cell."""
+        return next(cell.mean for cell in self.cells[world] if cell.mode == mode)
+
+
+def worlds_of(config: SwarmFile | None) -> dict[str, Task]:
+    """The worlds in which a run is evaluated, by name; of an exported policy (None): the scenes."""
+    if config is None or any(entry.task.env == FLIGHT for entry in config.agents):
+        return {name: Task(FLIGHT, {"scene": name}) for name in NAMES}
+    return {_title(entry): entry.task for entry in config.agents}
+
+
+def _title(entry: AgentEntry) -> str:
+    settings = ", ".join(f"{key} {value}" for key, value in entry.task.kwargs.items())
+    return f"{entry.id}: {settings}" if settings else entry.id
+
+
+def evaluate(
+    source: Path,
+    agent: str | None = None,
+    flights: int = 100,
+    seed: int = 0,
+    jobs: int = 0,
+    scenes: Sequence[str] = (),
+    tell: Callable[[str], None] = lambda line: None,
+) -> Evaluation:
+    """Fly a policy in all its worlds, a world and a mode to a process.
+
+    Args:
+        source: run folder or exported policy.
+        agent: whose parameters of a run; None for the mean.
+        flights: at least so many per world and mode.
+        seed: of the worlds and the dice.
+        jobs: processes; 0 for one per core.
+        scenes: some of the worlds only.
+        tell: takes a line after every cell.
+
+    Raises:
+        ConfigError: no such run or world.
+        CheckpointError: nothing to fly with.
+    """
+    config = None if source.suffix == ".safetensors" else load(open_run(source).config)
+    worlds = worlds_of(config)
+    for name in scenes:
+        if name not in worlds:
+            raise ConfigError(f'world "{name}": expected one of {", ".join(worlds)}')
+    chosen = {name: task for name, task in worlds.items() if not scenes or name in scenes}
+    Pilot.load(source, agent)  # a mistake is told before processes start
+    wanted = [(name, mode) for name in chosen for mode in MODES]
+    cells: dict[str, list[Cell]] = {name: [] for name in chosen}
+    distances = True
+    with ProcessPoolExecutor(jobs or os.cpu_count() or 1, get_context("spawn")) as pool:
+        begun = [
+            pool.submit(_cell, source, agent, chosen[name], mode, flights, seed)
+            for name, mode in wanted
+        ]
+        for (name, mode), future in zip(wanted, begun, strict=True):
+            flown = future.result()
+            cell, distances = _summary(mode, flown)
+            cells[name].append(cell)
+            tell(f"{name} {mode}: {cell.mean:.1f} ± {cell.deviation:.1f}")
+    return Evaluation(str(source), agent, "m" if distances else "return", seed, cells)
+
+
+def _cell(
+    source: Path, agent: str | None, task: Task, mode: Mode, flights: int, seed: int
+) -> list[Flown]:
+    """One world and one mode, in a process of its own."""
+    use_threads(1)
+    pilot = Pilot.load(source, agent, seed)
+    worlds = min(flights, SIDE_BY_SIDE)
+    envs: list[gymnasium.Env[Any, Any]] = [
+        gymnasium.make(task.env, **task.kwargs) for _ in range(worlds)
+    ]
+    each = -(-flights // worlds)
+    try:
+        return fly(envs, lambda seen: pilot.choose(seen, mode == "greedy"), each, MOST_STEPS, seed)
+    finally:
+        for env in envs:
+            env.close()
+
+
+def _summary(mode: Mode, flown: list[Flown]) -> tuple[Cell, bool]:
+    lengths = [flight.distance for flight in flown if flight.distance is not None]
+    measured = lengths or [flight.value for flight in flown]
+    cell = Cell(
+        mode=mode,
+        flights=len(flown),
+        mean=float(np.mean(measured)),
+        deviation=float(np.std(measured)),
+        capped=float(np.mean([flight.capped for flight in flown])),
+    )
+    return cell, bool(lengths)
+
+
+def print_evaluation(evaluation: Evaluation) -> None:
+    """The matrix, mean ± standard deviation, and how many flights reached the cap."""
+    what = "mean safe flight [m]" if evaluation.measure == "m" else "sum of rewards"
+    whose = evaluation.agent or "mean of all agents"
+    table = Table(title=escape(f"{what}: {Path(evaluation.source).name}, {whose}"))
+    table.add_column("world")
+    for mode in MODES:
+        table.add_column(mode, justify="right")
+        table.add_column("at the cap", justify="right")
+    for world, cells in evaluation.cells.items():
+        row = [world if world in TRAINED or evaluation.measure != "m" else f"{world} (unseen)"]
+        for cell in cells:
+            row += [f"{cell.mean:.1f} ± {cell.deviation:.1f}", f"{cell.capped:.0%}"]
+        table.add_row(*row)
+    Console(highlight=False).print(table)

@@ -1,0 +1,1 @@
+"""What every command of ours does as a process: signals, logs, ending what it started."""

@@ -1,0 +1,1 @@
+"""Flying through a world: bodies, reward, the Gymnasium environments."""

@@ -1,0 +1,1 @@
+"""Triangles and the tree over them; what is near and what is hit."""

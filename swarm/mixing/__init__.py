@@ -1,0 +1,1 @@
+"""What becomes of the neighbours' parameters: rules, weights, compression, robustness, loss."""

@@ -1,0 +1,1 @@
+"""Who is awaited, who is believed, and what the ends of an edge agree on."""

@@ -1,0 +1,1 @@
+"""How parameters and reports travel over Zenoh: keys, payload, session, security."""

@@ -1,0 +1,25 @@
+"""What a run's launcher says is kept beside the run."""
+
+from pathlib import Path
+
+import pytest
+
+from agent.config.experiment import load
+from deploy.launch.journal import Journal, events
+from deploy.launch.progress import Progress
+
+FILE = Path(__file__).parents[3] / "deploy" / "library" / "swarms" / "gridworld-a.toml"
+
+
+def test_what_the_user_reads_is_written_down(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "events.jsonl"
+    assert events(path) == []
+    journal = Journal(path, Progress(load(FILE)))
+    journal.say("fault: kill drone1")
+    journal.say("drone1 starts again from its newest checkpoint")
+    first, second = events(path)
+    assert first.text == "fault: kill drone1"
+    assert second.time >= first.time
+    assert "fault: kill drone1" in capsys.readouterr().out
