@@ -189,7 +189,7 @@ def compose(
 @app.command()
 def topology(file: File, settings: Settings = None, json: AsJson = False) -> None:
     """Show the graph of a swarm file: edges, weights W, eigenvalues, spectral gap."""
-    from deploy.policies.report import show_topology  # noqa: PLC0415
+    from deploy.observe.topology import show_topology  # noqa: PLC0415
 
     show_topology(load(file, settings or ()), json)
 
