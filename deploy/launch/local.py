@@ -31,9 +31,9 @@ from deploy.chaos.clocks import Clocks
 from deploy.chaos.faults import Fault
 from deploy.chaos.runner import Chaos
 from deploy.launch.journal import Journal
+from deploy.launch.outcome import conclude
 from deploy.launch.progress import Progress
 from deploy.observe.status import LATEST, RUNS, observe
-from deploy.policies.report import report_result
 from deploy.process.processes import end_all, last_line
 from swarm.errors import ConfigError, NetworkError, SwarmError
 from swarm.reports.telemetry import watch_reports
@@ -320,7 +320,7 @@ def launch(
         if interrupted.is_set():
             print(f"stopped; go on with: swarm up --resume {folder.path}")
             return 130
-        report_result(folder, config, record)
+        conclude(folder, config, record)
         return 0 if all(worker.failures <= len(BACKOFF) for worker in fleet.workers.values()) else 1
     finally:
         for number, handler in previous.items():

@@ -9,9 +9,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import simulate_together
 from sim.tabular.mdp import Floats
@@ -37,7 +37,7 @@ def study(options: Options) -> Findings:
                 for seed in range(seeds)
             ]
             worst = [
-                referee.judge(run.thetas, margins=False).share.min()
+                referee.judge(run.thetas, chances=False).share.min()
                 for run in simulate_together(swarms)
             ]
             shares[layout][kind] = np.array(worst)

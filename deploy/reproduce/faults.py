@@ -10,9 +10,9 @@ from typing import Any, get_args
 
 import numpy as np
 
+from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import DivergenceError, Run, Vectors, simulate, simulate_together
 from sim.tabular.mdp import Floats
@@ -60,7 +60,7 @@ def study(options: Options) -> Findings:
     ]
     split, gap = _split(options, rounds)
     for run, rule in zip(split, STEADY, strict=True):
-        share = referee.judge(run.thetas, margins=False).share.min()
+        share = referee.judge(run.thetas, chances=False).share.min()
         apart, healed = run.consensus[gap.last].max(), run.consensus[-1].max()
         text = f"consensus error {apart:.1f} apart, {healed:.1f} at the end; V/V* {share:.3f}"
         what = f"cut in two from round {gap.first} to {gap.last}, {rule}"
@@ -99,7 +99,7 @@ def _lossy(
                 options.say(f"{len(pairs)} x {AGENTS} agents, seed {seed}, round {round_}")
 
         for pair, run in zip(pairs, simulate_together(swarms, observe=watch), strict=True):
-            found[pair].append(referee.judge(run.thetas, margins=False).share.min())
+            found[pair].append(referee.judge(run.thetas, chances=False).share.min())
     return found
 
 
@@ -116,7 +116,7 @@ def _late(options: Options, referee: Referee, rounds: int) -> dict[tuple[RuleNam
             except DivergenceError as error:
                 late[rule, delay] = f"diverges ({error})"
             else:
-                share = referee.judge(run.thetas, margins=False).share.min()
+                share = referee.judge(run.thetas, chances=False).share.min()
                 late[rule, delay] = f"{share:.3f}"
     return late
 

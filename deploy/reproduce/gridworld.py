@@ -13,9 +13,9 @@ import msgspec
 import numpy as np
 
 from agent.learning.policies import softmax
+from deploy.policies.scoring import Referee, Scores
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
-from deploy.reproduce.referee import Referee, Scores
 from deploy.reproduce.settings import grid_agents, grid_swarm
 from deploy.simulate.simulator import Run, simulate_together
 from sim.tabular.gridworld import LAYOUTS

@@ -13,10 +13,10 @@ import numpy as np
 
 from agent.config.experiment import StartMixing, SwarmFile
 from agent.learning.estimators import A2C, PPO, Estimator
+from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
 from deploy.reproduce.gridworld import TARGETS
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import REINFORCE, grid_swarm
 from deploy.simulate.simulator import Vectors, simulate_together
 from sim.tabular.mdp import Floats
@@ -79,7 +79,7 @@ def _learn(options: Options, name: str, configs: list[SwarmFile]) -> tuple[Float
     def watch(round_: int, thetas: list[Vectors]) -> None:
         if round_ % every == 0:
             options.say(f"{name}, round {round_}")
-            curve.append([float(referee.judge(t, margins=False).share.min()) for t in thetas])
+            curve.append([float(referee.judge(t, chances=False).share.min()) for t in thetas])
 
     runs = simulate_together(configs, observe=watch)
     everything = len(configs[0].agents)

@@ -18,7 +18,7 @@ from agent.storage.runfolder import RunFolder
 from deploy.chaos.faults import load_faults
 from deploy.chaos.namespaces import hosts, inside, settle
 from deploy.launch.journal import events
-from deploy.policies.report import Result
+from deploy.policies.result import Result
 from deploy.reproduce import figures
 from deploy.reproduce.aftermath import TOLERATED as TIMES
 from deploy.reproduce.aftermath import Aftermath, Trace, examine, usual_disagreement

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from agent.config.experiment import StartMixing, SwarmFile
+from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import simulate_together
 from sim.tabular.gridworld import LAYOUTS

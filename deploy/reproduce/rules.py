@@ -17,9 +17,9 @@ import numpy as np
 from agent.config.experiment import AgentEntry, SwarmFile, Task
 from agent.learning.estimators import Exact
 from agent.learning.optimizers import Sgd
+from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
 from deploy.reproduce.claims import Claim, Findings, Options, bounded
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import Vectors, simulate, simulate_together
 from sim.tabular.mdp import Floats
@@ -94,7 +94,7 @@ def study(options: Options) -> Findings:
 
 
 def _judge(referee: Referee, thetas: Vectors) -> Floats:
-    return referee.judge(thetas, margins=False).share
+    return referee.judge(thetas, chances=False).share
 
 
 def many_swarm(kind: str, rule: str, n_agents: int, rounds: int) -> SwarmFile:

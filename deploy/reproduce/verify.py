@@ -16,8 +16,8 @@ import numpy as np
 from agent.config.experiment import SwarmFile, load
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
+from deploy.policies.scoring import Referee
 from deploy.reproduce.claims import Claim, Findings, Options
-from deploy.reproduce.referee import Referee
 from deploy.simulate.simulator import Vectors, simulate
 from swarm.errors import SwarmError
 
@@ -57,7 +57,7 @@ def study(options: Options) -> Findings:
         claims.append(Claim(what, "", "the same bits", f"{ours}; {times}", bool(same)))
         data[name] = seconds | {"same": same}
         if name.startswith("gridworld"):
-            shares = Referee(config).judge(real, margins=False).share
+            shares = Referee(config).judge(real, chances=False).share
             data[name] |= {"share_of_optimum": shares}
     return Findings(
         title="Simulator and real processes over Zenoh",

@@ -22,6 +22,7 @@ from swarm.errors import ConfigError, SwarmError
 from swarm.reports.telemetry import RoundReport
 
 RESULTS = Path(__file__).parents[3] / "deploy" / "docs" / "results"
+POLICIES = Path(__file__).parents[3] / "deploy" / "library" / "policies"
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS)
@@ -214,7 +215,7 @@ def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
 
 
 def test_kept_policies_choose_by_what_they_see() -> None:
-    files = [RESULTS / "policies" / f"drones-{name}.safetensors" for name in ESTIMATORS]
+    files = [POLICIES / f"drones-{name}.safetensors" for name in ESTIMATORS]
     noise = np.random.default_rng(0).integers(256, size=(8, 103, 103, 3), dtype=np.uint8)
     for file in files:
         assert file.stat().st_size < 6e6

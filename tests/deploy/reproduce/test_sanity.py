@@ -3,7 +3,7 @@
 import pytest
 
 from agent.learning.estimators import A2C, PPO, Reinforce, Sampled
-from deploy.reproduce.referee import Referee
+from deploy.policies.scoring import Referee
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import simulate_together
 

@@ -9,8 +9,6 @@ from agent.config.experiment import StartMixing, SwarmFile, load
 from agent.learning.estimators import A2C, PPO, Exact, Reinforce
 from agent.learning.optimizers import Sgd
 from agent.learning.tabular import TabularLearner
-from deploy.policies.report import evaluate
-from deploy.reproduce.referee import Referee
 from deploy.reproduce.rules import many_swarm
 from deploy.reproduce.settings import grid_swarm, random_worlds
 from deploy.simulate.simulator import DivergenceError, Vectors, simulate, simulate_together
@@ -162,16 +160,6 @@ def test_batched_worlds_say_what_each_says_alone() -> None:
             assert value == pytest.approx(model.value(policy), abs=1e-13)
             np.testing.assert_allclose(gradient, model.gradient(policy, 0.03), rtol=0, atol=1e-14)
         np.testing.assert_array_equal(Worlds(models).values(policies), values)
-
-
-def test_the_referee_agrees_with_the_report_of_a_run() -> None:
-    config = many_swarm("ring", "dcpg", 8, rounds=1)  # two agents a task
-    thetas = np.random.default_rng(1).normal(size=(8, 100))
-    scores, result = Referee(config).judge(thetas), evaluate(config, thetas)
-    assert result.optimum is not None
-    np.testing.assert_allclose(scores.share * result.optimum, result.value, atol=1e-12)
-    margins = np.array(result.goal) - np.array(result.obstacle)
-    np.testing.assert_allclose(scores.margins, margins[::2], atol=1e-12)
 
 
 @pytest.mark.parametrize(
