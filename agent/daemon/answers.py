@@ -7,9 +7,9 @@ import os
 import time
 from collections import deque
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import msgspec
+import psutil
 import zenoh
 
 from agent.daemon.rounds import Rounds
@@ -96,5 +96,4 @@ def health(
 
 
 def _resident_mb() -> float:
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+    return float(psutil.Process().memory_info().rss) / 1e6

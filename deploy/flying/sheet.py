@@ -1,7 +1,6 @@
 """A contact sheet of the worlds: the floor plan from above and what the camera sees.
 
 ``swarm worlds --sheet out.png``; the one in ``deploy/docs/pictures`` has ``--width 1464``.
-Pictures are written with Pillow, which comes with matplotlib: ``pip install .[figures]``.
 """
 
 from collections.abc import Sequence
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
 from rich.table import Table
 
@@ -70,10 +70,6 @@ def sheet(path: str | Path, scenes: Sequence[str] = NAMES, width: int | None = N
 
     With a `width` [pixels] it is reduced to that and to 256 colours, for a page.
     """
-    try:
-        from PIL import Image, ImageDraw, ImageFont  # noqa: PLC0415
-    except ImportError as error:
-        raise ModuleNotFoundError("the contact sheet needs: pip install '.[figures]'") from error
     worlds = [load(name) for name in scenes]
     columns = min(2, len(worlds))
     panels = []
