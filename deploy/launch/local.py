@@ -223,7 +223,8 @@ class Fleet:
         now = time.monotonic()
         for worker in self.workers.values():
             if worker.restart_at is not None and now >= worker.restart_at:
-                self.journal.say(f"{worker.agent} starts again from its newest checkpoint")
+                text = f"{worker.agent} starts again from its newest checkpoint"
+                self.journal.say("restarted", text, worker.agent)
                 self.start(worker.agent, None)
 
     def _on_exit(self, worker: Worker, code: int) -> None:
@@ -242,13 +243,16 @@ class Fleet:
         if worker.failures > len(BACKOFF):
             worker.done = True
             self.journal.say(
+                "given-up",
                 f"{worker.agent} {what}, {worker.failures} times in a row: given up; "
-                f"see {self.folder.log(worker.agent)}"
+                f"see {self.folder.log(worker.agent)}",
+                worker.agent,
             )
             return
         delay = BACKOFF[worker.failures - 1]
         worker.restart_at = now + delay
-        self.journal.say(f"{worker.agent} {what}, starts again in {delay:.1f} s")
+        text = f"{worker.agent} {what}, starts again in {delay:.1f} s"
+        self.journal.say("ended", text, worker.agent)
 
     def _finished(self, agent: str) -> bool:
         return self.config.progress(self.folder.newest(agent)) >= self.config.rounds
@@ -315,7 +319,7 @@ def launch(
                 if chaos.started is None and progress.complete:
                     chaos.started = time.monotonic()
                 for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):
-                    journal.say(f"fault: {label}")
+                    journal.say("fault", f"fault: {label}")
                 progress.show()
         if interrupted.is_set():
             print(f"stopped; go on with: swarm up --resume {folder.path}")

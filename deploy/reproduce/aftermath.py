@@ -104,7 +104,7 @@ def examine(trace: Trace, first: int, tolerated: float) -> Aftermath:
         absence=None if well is None else well - resumed,
         reunion=None if agreed is None or met is None else agreed - met.round,
         reconnect=None if met is None else max(0.0, met.time - ended),
-        restarts=sum("starts again from" in event.text for event in trace.events),
+        restarts=sum(event.kind == "restarted" for event in trace.events),
         repeated=repeated(trace.reports),
         one_sided=one_sided(trace.reports),
     )
@@ -173,7 +173,7 @@ def one_sided(reports: Reports) -> int:
 
 def _span(trace: Trace, first: int) -> tuple[int, int, float]:
     """Rounds in which the faults began and ended, and when they did [Unix s]; ``first`` without."""
-    times = [event.time for event in trace.events if event.text.startswith("fault: ")]
+    times = [event.time for event in trace.events if event.kind == "fault"]
     if not times:
         return first, first, 0.0
     wrong = {agent for f in trace.faults if f.kind == "clock" for agent in f.agents}

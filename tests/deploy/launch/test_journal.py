@@ -17,9 +17,10 @@ def test_what_the_user_reads_is_written_down(
     path = tmp_path / "events.jsonl"
     assert events(path) == []
     journal = Journal(path, Progress(load(FILE)))
-    journal.say("fault: kill drone1")
-    journal.say("drone1 starts again from its newest checkpoint")
+    journal.say("fault", "fault: kill drone1")
+    journal.say("restarted", "drone1 starts again from its newest checkpoint", "drone1")
     first, second = events(path)
-    assert first.text == "fault: kill drone1"
+    assert (first.kind, first.text, first.agents) == ("fault", "fault: kill drone1", ())
+    assert (second.kind, second.agents) == ("restarted", ("drone1",))
     assert second.time >= first.time
     assert "fault: kill drone1" in capsys.readouterr().out
