@@ -4,7 +4,6 @@ Interface: :func:`read_toml`, :func:`override` (``--set``) and :func:`convert`. 
 file, key, bad value and what was expected; unknown keys are errors.
 """
 
-import re
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import inspect as types
 
+from agent.config.mistakes import first_mistake
 from swarm.errors import ConfigError
 
 T = TypeVar("T")
-_STEP = re.compile(r"\.([^.\[\]]+)|\[(\d+|\.\.\.)\]")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -75,70 +74,6 @@ def convert(tables: dict[str, Any], kind: type[T], where: str) -> T:
     Raises:
         ConfigError: names ``where``, the key, its value and what was expected.
     """
-    try:
-        return msgspec.convert(tables, kind)
-    except msgspec.ValidationError as error:
-        problem, _, path = str(error).partition(" - at `$")
-        raise ConfigError(f"{where}: {_explain(problem, path.rstrip('`'), tables, kind)}") from None
-
-
-def _explain(problem: str, path: str, tables: Any, kind: type) -> str:
-    """One line for msgspec's ``problem`` at ``path``."""
-    steps = [name or index for name, index in _STEP.findall(path)]
-    value, expected = tables, types.type_info(kind)
-    shown: list[str] = []
-    for step in steps:
-        shown.append(step)
-        value, expected = _descend(value, expected, step)
-    key = ".".join(shown) or "file"
-    if unknown := re.fullmatch(r"Object contains unknown field `(.+)`", problem):
-        name = ".".join([*shown, unknown[1]])
-        return f'unknown key "{name}": expected one of {", ".join(_fields(expected, value))}'
-    if missing := re.fullmatch(r"Object missing required field `(.+)`", problem):
-        return f'key "{".".join([*shown, missing[1]])}" is missing'
-    choices = _choices(expected)
-    wanted = f"one of {', '.join(choices)}" if choices else problem.removeprefix("Expected ")
-    return f"{key} = {_show(value)}: expected {wanted.replace('`', '')}"
-
-
-def _show(value: Any) -> str:
-    text = f'"{value}"' if isinstance(value, str) else repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
-
-
-def _descend(value: Any, expected: Any, step: str) -> tuple[Any, Any]:
-    """Follow one step of a path through the value and, where it is known, its type."""
-    if isinstance(value, list | tuple):
-        item = value[int(step)] if step.isdigit() and int(step) < len(value) else value
-        return item, getattr(expected, "item_type", None)
-    inner = value.get(step) if isinstance(value, dict) else None
-    for struct in _structs(expected):
-        if (tag := getattr(struct, "tag_field", None)) == step:
-            return inner, expected
-        chosen = tag is None or not isinstance(value, dict) or value.get(tag) == struct.tag
-        for item in struct.fields if chosen else ():
-            if item.encode_name == step:
-                return inner, item.type
-    return inner, None
-
-
-def _structs(expected: Any) -> list[types.StructType]:
-    options = expected.types if isinstance(expected, types.UnionType) else (expected,)
-    return [option for option in options if isinstance(option, types.StructType)]
-
-
-def _fields(expected: Any, value: Any) -> list[str]:
-    names: list[str] = []
-    for struct in _structs(expected):
-        tag = getattr(struct, "tag_field", None)
-        if tag is None or not isinstance(value, dict) or value.get(tag) == struct.tag:
-            names += [item.encode_name for item in struct.fields]
-            names += [tag] if tag else []
-    return sorted(set(names))
-
-
-def _choices(expected: Any) -> list[str]:
-    if isinstance(expected, types.LiteralType):
-        return [f'"{value}"' for value in expected.values]
-    tags = [f'"{struct.tag}"' for struct in _structs(expected) if struct.tag is not None]
-    return tags
+    if mistake := first_mistake(tables, types.type_info(kind)):
+        raise ConfigError(f"{where}: {mistake}")
+    return msgspec.convert(tables, kind)
