@@ -19,6 +19,7 @@ from agent.config.experiment import load
 from agent.daemon.joining import fetch_config
 from agent.daemon.process import run_agent
 from agent.storage.runfolder import RunFolder
+from agent.storage.runs import RUNS
 from deploy.cli.drones import app as drones
 from deploy.cli.policies import app as policies
 from deploy.cli.reproduce import app as reproduce
@@ -77,20 +78,22 @@ def up(
 ) -> None:
     """Start all agents of a swarm file as processes on this machine and wait for their result."""
     from deploy.chaos.faults import load_faults  # noqa: PLC0415
-    from deploy.launch.local import launch, prepare, resume_run  # noqa: PLC0415
+    from deploy.launch.preparation import prepare  # noqa: PLC0415
+    from deploy.launch.preparation import resume as prepare_again  # noqa: PLC0415
+    from deploy.launch.up import launch  # noqa: PLC0415
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
     settings = _on(device, settings)
     if resume is not None:
-        folder, config, begin = resume_run(resume, settings)
-        faults = load_faults(chaos, config) if chaos else ()
-    else:
-        assert file is not None
-        config = load(file, settings)
-        faults = load_faults(chaos, config) if chaos else ()
-        folder, config, begin = prepare(config, run)
-    raise typer.Exit(launch(folder, config, begin, record, faults))
+        with prepare_again(resume, settings) as prepared:
+            faults = load_faults(chaos, prepared.config) if chaos else ()
+            raise typer.Exit(launch(prepared, record, faults))
+    assert file is not None
+    config = load(file, settings)
+    faults = load_faults(chaos, config) if chaos else ()
+    with prepare(config, run) as prepared:
+        raise typer.Exit(launch(prepared, record, faults))
 
 
 @app.command()
@@ -137,7 +140,7 @@ def agent(
     if config is not None:
         config.index(id_)
     name = config.name if config is not None else check_name("--join", join or "")
-    folder = RunFolder(run or Path("runs") / name)
+    folder = RunFolder(run or RUNS / name)
     stop = stop_on_signals()
     folder.prepare(id_)
     log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)

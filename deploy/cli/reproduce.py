@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from agent.storage.runs import RUNS
 from deploy.process.signals import StoppedError, stopping_at_signals
 from deploy.reproduce.claims import Findings, Options, Study, publish
 from swarm.errors import SwarmError
@@ -24,7 +25,7 @@ app = typer.Typer(
 
 SEEDS = 20
 LINES_EVERY = 60.0  # [s] between lines of progress where nobody watches a terminal
-RESULTS = Path("runs/reproduce")
+RESULTS = RUNS / "reproduce"
 STUDIES = {  # name -> module with a function `study`, and what it is about
     "examples": "The two-task chain: no deterministic optimum, three stationary points, the trap.",
     "theorem1": "Convergence to a stationary point; consensus bound; Lyapunov function.",
@@ -107,7 +108,7 @@ def drones(
     ] = 0,
     runs: Annotated[
         Path, typer.Option(metavar="DIR", help="Where the runs live; what is there goes on.")
-    ] = Path("runs/drones"),
+    ] = RUNS / "drones",
     beside: Annotated[
         list[Path] | None,
         typer.Option(

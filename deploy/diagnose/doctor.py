@@ -15,7 +15,7 @@ from rich.text import Text
 
 from agent.config.experiment import SwarmFile
 from deploy.diagnose.probe import Answer, Facts, Outcome, Token, examine, fits, language
-from deploy.launch.local import check_tasks
+from deploy.launch.preparation import check_tasks
 from deploy.observe.status import find_config
 from swarm.errors import ConfigError
 from swarm.wire.session import host_and_port

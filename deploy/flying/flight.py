@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 
 from agent.errors import VehicleError
+from agent.storage.runs import RUNS
 from agent.vehicle import Limits, Timing, Vehicle
 from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
 from agent.vehicle.connection import parse
@@ -222,7 +223,7 @@ def folder_of(source: Path | None) -> Path:
     """Where a flight is kept: beside what flew."""
     stamp = time.strftime("%Y%m%d-%H%M%S")
     if source is None or not source.is_dir():
-        return Path("runs") / f"flight-{stamp}"
+        return RUNS / f"flight-{stamp}"
     return source / "flights" / stamp
 
 

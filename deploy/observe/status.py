@@ -19,6 +19,7 @@ from rich.text import Text
 
 from agent.config.experiment import SwarmFile, load
 from agent.storage.runfolder import RunFolder
+from agent.storage.runs import LATEST, RUNS
 from deploy.process.signals import stop_meanwhile
 from swarm.errors import ConfigError
 from swarm.mixing.consensus import sketch_errors
@@ -27,8 +28,6 @@ from swarm.wire.keys import Keys
 from swarm.wire.security import OBSERVER
 from swarm.wire.session import open_session
 
-RUNS = Path("runs")
-LATEST = RUNS / "latest"  # link to the newest run of `swarm up`
 CODES = {"healthy": 0, "degraded": 1, "nobody": 3}  # exit codes
 REFRESH = 0.5  # [s] between two looks of `swarm status --watch`
 STALE = 5.0  # [s] from a neighbour that has got on meanwhile, an older message means trouble

@@ -6,7 +6,6 @@ under 2 GB with all processes together (``tests/bench/viewer.py``).
 """
 
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ import rerun as rr
 from rerun.experimental import ViewerClient
 
 from agent.config.experiment import SwarmFile
+from deploy.process.ports import hold_free, is_free
 from deploy.viewer.drawing import Scene
 from deploy.viewer.recorder import FLUSH, Recorder, StreamBrokenError
 from swarm.errors import ConfigError, NetworkError, SwarmError
@@ -131,7 +131,7 @@ def _connect(
 def _serve(stream: rr.RecordingStream, scene: Scene, output: Output) -> None:
     page, data = output.ports
     for port in output.ports:
-        if not _is_free(port):
+        if not is_free("0.0.0.0", port):  # noqa: S104  (where Rerun will listen)
             raise NetworkError(f"port {port} is taken: expected another, see --ports")
     origin = f"http://{output.host}:{page}"
     stream.serve_grpc(
@@ -153,14 +153,15 @@ def _spawn(headless: bool) -> ViewerClient:
     beside = Path(sys.executable).with_name("rerun")  # the venv need not be on the PATH
     os.environ.setdefault("RUST_LOG", "off")  # it would show its log to those who look
     try:
-        return ViewerClient.spawn(
-            headless=headless,
-            port=_free_port(),
-            memory_limit=MEMORY,
-            server_memory_limit=BUFFER,
-            hide_welcome_screen=True,
-            executable_path=str(beside) if beside.exists() else None,
-        )
+        with hold_free("127.0.0.1", 1) as held:
+            return ViewerClient.spawn(
+                headless=headless,
+                port=held.numbers[0],
+                memory_limit=MEMORY,
+                server_memory_limit=BUFFER,
+                hide_welcome_screen=True,
+                executable_path=str(beside) if beside.exists() else None,
+            )
     except RuntimeError as error:
         raise SwarmError(f"{NO_GRAPHICS if headless else NO_DISPLAY} ({error})") from None
 
@@ -205,23 +206,6 @@ def _check_writable(path: Path) -> None:
         path.open("ab").close()
     except OSError as error:
         raise ConfigError(f'"{path}" cannot be written: {error.strerror}') from None
-
-
-def _is_free(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(("0.0.0.0", port))  # noqa: S104  (where Rerun will listen)
-        except OSError:
-            return False
-    return True
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port
 
 
 def _has_display() -> bool:

@@ -27,6 +27,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from deploy.process.ports import hold_free
 from tests.bench.exchange_peers import C3F2, LIMIT, RANKS, SMALL
 
 TURNS = 9
@@ -82,7 +83,8 @@ class Group:
 
 def start(name: str) -> Group | None:
     """The four processes of a peer, ready; None where they do not start."""
-    base = str(_free_ports(10))
+    with hold_free("127.0.0.1", 10) as held:  # peers of other makers could not listen beside us
+        base = str(held.numbers[0])
     command = [sys.executable, "-m", "tests.bench.exchange_peers", name]
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(START)
@@ -105,19 +107,6 @@ def start(name: str) -> Group | None:
             group.orders.append(link.makefile("w"))
             group.answers[-1].readline()
     return group
-
-
-def _free_ports(count: int) -> int:
-    """The first of so many ports in a row that nobody uses."""
-    while True:
-        base = random.randrange(20_000, 30_000)
-        with ExitStack() as probes:
-            try:
-                for port in range(base, base + count):
-                    probes.enter_context(socket.create_server(("127.0.0.1", port)))
-            except OSError:
-                continue
-            return base
 
 
 def _process(command: list[str]) -> subprocess.Popen[bytes]:

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -18,6 +17,7 @@ import numpy as np
 
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
+from deploy.process.ports import Ports, hold_free
 
 ROOT = Path(__file__).parents[2]
 SWARMS = ROOT / "deploy" / "library" / "swarms"
@@ -34,22 +34,13 @@ def until(condition: Callable[[], bool], what: str, deadline: float = PATIENCE) 
         pause.wait(0.02)
 
 
+_HELD: list[Ports] = []  # until the tests end
+
+
 def free_base_port(count: int) -> int:
-    """First of ``count`` ports in a row that nobody uses."""
-    for base in range(21_000, 60_000, count + 3):
-        probes = []
-        try:
-            for port in range(base, base + count):
-                probe = socket.socket()
-                probes.append(probe)
-                probe.bind(("127.0.0.1", port))
-        except OSError:
-            continue
-        finally:
-            for probe in probes:
-                probe.close()
-        return base
-    raise AssertionError("no free ports")
+    """First of ``count`` ports in a row that nobody else uses, or chooses, while the tests run."""
+    _HELD.append(hold_free("127.0.0.1", count))
+    return _HELD[-1].numbers[0]
 
 
 @dataclass

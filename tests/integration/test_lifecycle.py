@@ -3,15 +3,15 @@
 import json
 import os
 import signal
-import socket
 import time
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from agent.storage.runfolder import RunFolder
+from deploy.process.ports import is_free
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
@@ -32,14 +32,7 @@ SHM = Path("/dev/shm")  # noqa: S108  (shared memory of the whole machine is mea
 
 def ports_are_free(folder: Path) -> bool:
     base = json.loads((folder / "config.json").read_text())["network"]["base_port"]
-    for port in range(base, base + len(MEMBERS)):
-        with socket.socket() as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            try:
-                probe.bind(("127.0.0.1", port))
-            except OSError:
-                return False
-    return True
+    return all(is_free("127.0.0.1", port) for port in range(base, base + len(MEMBERS)))
 
 
 def test_make_run_solves_all_tasks_and_leaves_a_complete_run_folder(tmp_path: Path) -> None:
@@ -62,6 +55,26 @@ def test_make_run_solves_all_tasks_and_leaves_a_complete_run_folder(tmp_path: Pa
         assert "finished" in folder.log(agent).read_text()
     assert folder.recording.stat().st_size > 10_000
     assert not agent_pids(folder.path)
+
+
+def test_swarms_started_together_all_finish_each_in_a_folder_of_its_own(tmp_path: Path) -> None:
+    with ExitStack() as running:
+        commands = [
+            running.enter_context(
+                swarm(
+                    *("up", GRIDWORLD_A, "--no-record", "--set", "rounds=20"),
+                    *("--set", f"seed={seed}"),
+                    cwd=tmp_path,
+                )
+            )
+            for seed in range(4)
+        ]
+        for command in commands:
+            assert command.wait(120.0) == 0, command.output
+    folders = [path for path in (tmp_path / "runs").iterdir() if not path.is_symlink()]
+    configs = [json.loads((path / "config.json").read_text()) for path in folders]
+    assert {config["seed"] for config in configs} == set(range(4))
+    assert len({config["network"]["base_port"] for config in configs}) == 4
 
 
 def test_ctrl_c_ends_all_and_resume_goes_on_bit_for_bit(tmp_path: Path) -> None:

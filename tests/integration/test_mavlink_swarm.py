@@ -9,7 +9,7 @@ import pytest
 
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
-from tests.integration.harness import SWARMS, agent_pids, free_base_port, swarm, until
+from tests.integration.harness import SWARMS, agent_pids, swarm, until
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(600)]
 AGENTS = ("drone0", "drone1", "drone2", "drone3")
@@ -42,8 +42,7 @@ def alive(pid: int) -> bool:
 
 def test_it_trains_and_leaves_nothing_behind(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    settings = [f"rounds={ROUNDS}", "training.segment=48", "checkpoint_every=1",
-                f"network.base_port={free_base_port(4)}"]  # fmt: skip
+    settings = [f"rounds={ROUNDS}", "training.segment=48", "checkpoint_every=1"]
     arguments = [part for setting in settings for part in ("--set", setting)]
     with swarm(
         "up", SWARMS / "drones-mavlink.toml", "--run", run, "--no-record", *arguments, cwd=tmp_path
@@ -71,10 +70,9 @@ def test_it_trains_and_leaves_nothing_behind(tmp_path: Path) -> None:
 
 def test_a_killed_agent_takes_its_vehicle_along(tmp_path: Path) -> None:
     run = tmp_path / "run"
-    base = free_base_port(4)
     with swarm(
         "up", SWARMS / "drones-mavlink.toml", "--run", run, "--no-record",
-        "--set", f"network.base_port={base}", "--set", "training.segment=16", cwd=tmp_path,
+        "--set", "training.segment=16", cwd=tmp_path,
     ) as command:  # fmt: skip
         until(lambda: len(agent_pids(run)) == 4, "four agents", 240.0)
         agents = agent_pids(run)

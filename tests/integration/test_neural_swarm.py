@@ -11,7 +11,7 @@ from agent.learning.pilot import Pilot
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
 from deploy.policies.evaluate import Evaluation
-from tests.integration.harness import MEMBERS, SWARMS, free_base_port, swarm, until
+from tests.integration.harness import MEMBERS, SWARMS, swarm, until
 
 PATIENCE = 240.0  # [s] torch alone takes a loaded machine a while to import
 
@@ -23,8 +23,7 @@ def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
 
 
 def short(rounds: int) -> list[str]:
-    port = f"network.base_port={free_base_port(4)}"
-    return ["--no-record", "--set", f"rounds={rounds}", "--set", port]
+    return ["--no-record", "--set", f"rounds={rounds}"]
 
 
 def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None:

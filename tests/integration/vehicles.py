@@ -6,27 +6,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
+from deploy.process.ports import Ports, hold_free
 from sim.vehicle.autopilot import Autopilot
 from sim.vehicle.server import Options, run
 
 HOST = "127.0.0.1"
 
 
+_HELD: list[Ports] = []  # until the tests end
+
+
 def free_port(kind: socket.SocketKind = socket.SOCK_DGRAM) -> int:
-    """A port that nobody uses, well below those that the kernel gives away by itself."""
-    for port in range(20_000, 32_000, 7):
-        with socket.socket(socket.AF_INET, kind) as probe:
-            try:
-                probe.bind((HOST, port))
-            except OSError:
-                continue
-            if port not in _GIVEN:
-                _GIVEN.add(port)
-                return port
-    raise AssertionError("no free port")
-
-
-_GIVEN: set[int] = set()
+    """A port that nobody else uses, or chooses, while the tests run."""
+    _HELD.append(hold_free(HOST, 1, kind))
+    return _HELD[-1].numbers[0]
 
 
 @contextmanager

@@ -19,7 +19,6 @@ from swarm.reports.telemetry import RoundReport
 ESTIMATORS = ("reinforce", "a2c", "ppo")
 SWARM = "dcpg"
 STEP_ALONE = 1e-4  # the paper's
-FIRST_PORT, PORTS = 17_450, 8  # so that runs side by side need not look for free ones at once
 
 
 @dataclass(frozen=True)
@@ -114,16 +113,7 @@ def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
         for i, agent in enumerate(whole.agents)
     ]
     names = [SWARM, *(f"sa-{i}" for i in range(len(alone)))]
-    first = FIRST_PORT + ESTIMATORS.index(estimator) * len(names) * PORTS
     return [
-        Run(
-            estimator,
-            name,
-            RunFolder(root / f"seed{seed}" / estimator / name),
-            msgspec.structs.replace(
-                config,
-                network=msgspec.structs.replace(config.network, base_port=first + PORTS * i),
-            ),
-        )
-        for i, (name, config) in enumerate(zip(names, [whole, *alone], strict=True))
+        Run(estimator, name, RunFolder(root / f"seed{seed}" / estimator / name), config)
+        for name, config in zip(names, [whole, *alone], strict=True)
     ]

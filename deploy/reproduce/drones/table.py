@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agent.storage.runs import RUNS
 from deploy.policies.evaluate import MODES, Mode
 from deploy.reproduce.claims import Claim, Findings, Options, bounded, provenance
 from deploy.reproduce.drones.curves import draw
@@ -40,7 +41,7 @@ def study(
     budget: int = 4000 * EPISODE,
     flights: int = 100,
     jobs: int = 2,
-    root: Path = Path("runs/drones"),
+    root: Path = RUNS / "drones",
     tell: Callable[[str], None] = print,
     beside: Mapping[str, Record] | None = None,
 ) -> Findings:

@@ -80,7 +80,7 @@ def test_an_agent_needs_neither_torch_nor_rerun() -> None:
     code = (
         "import sys; sys.modules['torch'] = sys.modules['rerun'] = None\n"
         "import deploy.cli.main, agent.daemon.process, agent.learning.tabular\n"
-        "import deploy.launch.local, deploy.observe.status"
+        "import deploy.launch.up, deploy.observe.status"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60, check=False)
     assert done.returncode == 0

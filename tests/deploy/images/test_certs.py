@@ -108,7 +108,7 @@ def test_a_machine_without_cryptography_still_flies_and_is_told() -> None:
     code = (
         "import sys; sys.modules['cryptography'] = None\n"
         "import agent.daemon.process, deploy.diagnose.doctor\n"
-        "import deploy.launch.local, deploy.cli.main\n"
+        "import deploy.launch.up, deploy.cli.main\n"
         "sys.argv = ['swarm', 'certs', 'x', '--agents', 'drone0']\n"
         "deploy.cli.main.main()"
     )

@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,9 +13,9 @@ import rerun as rr
 from rerun.experimental import ViewerClient
 from zenoh import Query
 
-from agent.config.experiment import load
+from agent.config.experiment import SwarmFile, load
 from agent.storage.runfolder import RunFolder
-from deploy.launch.local import with_free_ports
+from deploy.launch.preparation import held_ports
 from deploy.observe.status import Target
 from deploy.viewer import Output, outputs, session, view
 from deploy.viewer.drawing import Scene
@@ -87,10 +88,16 @@ def test_a_users_mistakes_are_named(tmp_path: Path) -> None:
         view(Target(RING, folder), Output(save=tmp_path / "nowhere" / "seen.rrd"), False)
 
 
-@pytest.mark.integration
-def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
+@pytest.fixture
+def config() -> Iterator[SwarmFile]:
+    """A swarm whose ports nobody else takes."""
     base = load(Path("deploy/library/swarms/gridworld-a.toml"))
-    config = with_free_ports(msgspec.structs.replace(base, rounds=100, name="watched"))
+    with held_ports(msgspec.structs.replace(base, rounds=100, name="watched")) as placed:
+        yield placed
+
+
+@pytest.mark.integration
+def test_it_watches_a_running_swarm_to_its_end(config: SwarmFile, tmp_path: Path) -> None:
     keys = Keys(config.name)
 
     def agent() -> None:
@@ -118,9 +125,9 @@ def test_it_watches_a_running_swarm_to_its_end(tmp_path: Path) -> None:
 
 
 @pytest.mark.integration
-def test_it_begins_with_what_was_before_and_outlives_the_swarm(tmp_path: Path) -> None:
-    base = load(Path("deploy/library/swarms/gridworld-a.toml"))
-    config = with_free_ports(msgspec.structs.replace(base, rounds=100, name="restarted"))
+def test_it_begins_with_what_was_before_and_outlives_the_swarm(
+    config: SwarmFile, tmp_path: Path
+) -> None:
     keys = Keys(config.name)
 
     def live(rounds: range, incarnation: str) -> None:

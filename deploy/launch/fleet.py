@@ -1,0 +1,148 @@
+"""The agents' processes: started, brought back when they die, ended with the block."""
+
+import os
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+
+from agent.config.experiment import SwarmFile
+from agent.storage import checkpoint
+from agent.storage.runfolder import RunFolder
+from deploy.chaos.clocks import Clocks
+from deploy.launch.journal import Journal
+from deploy.process.processes import end_all, last_line
+from swarm.errors import ConfigError, NetworkError, SwarmError
+
+STOP_LIMIT = 2.0  # [s] from SIGTERM to SIGKILL
+BACKOFF = (0.0, 0.5, 1.0, 2.0, 4.0)  # [s] before the first, second, ... restart of an agent
+FORGIVEN = 60.0  # [s] an agent that lived so long starts its back-off anew
+
+
+@dataclass(slots=True)
+class Worker:
+    """One agent's process and its history.
+
+    Attributes:
+        agent: id.
+        process: the running one, or the last one.
+        started: when [monotonic s].
+        failures: in a row.
+        restart_at: when to start again [monotonic s], or None.
+        done: it has finished its rounds, or is given up.
+    """
+
+    agent: str
+    process: subprocess.Popen[bytes]
+    started: float
+    failures: int = 0
+    restart_at: float | None = None
+    done: bool = False
+
+
+@dataclass(slots=True)
+class Fleet:
+    """The agents' processes; a context manager that leaves none behind."""
+
+    folder: RunFolder
+    config: SwarmFile
+    journal: Journal
+    clocks: Clocks
+    workers: dict[str, Worker] = field(default_factory=dict)
+    exits: "queue.SimpleQueue[tuple[str, int]]" = field(default_factory=queue.SimpleQueue)
+
+    def start(self, agent: str, begin: int | None) -> Worker:
+        """Start an agent afresh (``begin`` 0), from a round, or (None) where it stopped."""
+        command = [sys.executable, "-m", "deploy.cli", "agent", str(self.folder.config)]
+        command += ["--id", agent, "--run", str(self.folder.path), "--supervised"]
+        if begin != 0:
+            command.append("--resume")
+        if begin:
+            command += ["--begin", str(begin)]
+        if namespace := self.config.agents[self.config.index(agent)].namespace:
+            command = ["ip", "netns", "exec", namespace, *command]
+        self.folder.prepare(agent)
+        with self.folder.log(agent).open("ab") as log:
+            process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=log, stderr=log, start_new_session=True,
+                env=os.environ | self.clocks.environment(agent),
+            )  # fmt: skip
+        waiting = threading.Thread(target=self._wait, args=(agent, process), daemon=True)
+        waiting.start()
+        worker = self.workers.get(agent)
+        if worker is None:
+            worker = self.workers[agent] = Worker(agent, process, time.monotonic())
+        worker.process, worker.started, worker.restart_at = process, time.monotonic(), None
+        return worker
+
+    def _wait(self, agent: str, process: subprocess.Popen[bytes]) -> None:
+        self.exits.put((agent, process.wait()))
+
+    def attend(self, timeout: float) -> None:
+        """Deal with agents that have ended and with those whose time to come back is there.
+
+        Raises:
+            SwarmError: an agent refused its configuration; its own line says why.
+        """
+        try:
+            agent, code = self.exits.get(timeout=timeout)
+        except queue.Empty:
+            pass
+        else:
+            self._on_exit(self.workers[agent], code)
+        now = time.monotonic()
+        for worker in self.workers.values():
+            if worker.restart_at is not None and now >= worker.restart_at:
+                text = f"{worker.agent} starts again from its newest checkpoint"
+                self.journal.say("restarted", text, worker.agent)
+                self.start(worker.agent, None)
+
+    def _on_exit(self, worker: Worker, code: int) -> None:
+        held = checkpoint.rounds_in(self.folder.checkpoints(worker.agent))
+        if code == 0 and held and self._finished(worker.agent):
+            worker.done = True
+            return
+        what = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
+        if code == 0:
+            what = f"was stopped at round {held[-1] if held else 0}"
+        never_played = not self.folder.metrics(worker.agent).exists()
+        if code in {ConfigError.exit_code, 4} or (code == NetworkError.exit_code and never_played):
+            raise SwarmError(f"{worker.agent} {what}: {last_line(self.folder.log(worker.agent))}")
+        now = time.monotonic()
+        worker.failures = 1 if now - worker.started > FORGIVEN else worker.failures + 1
+        if worker.failures > len(BACKOFF):
+            worker.done = True
+            self.journal.say(
+                "given-up",
+                f"{worker.agent} {what}, {worker.failures} times in a row: given up; "
+                f"see {self.folder.log(worker.agent)}",
+                worker.agent,
+            )
+            return
+        delay = BACKOFF[worker.failures - 1]
+        worker.restart_at = now + delay
+        text = f"{worker.agent} {what}, starts again in {delay:.1f} s"
+        self.journal.say("ended", text, worker.agent)
+
+    def _finished(self, agent: str) -> bool:
+        return self.config.progress(self.folder.newest(agent)) >= self.config.rounds
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Processes that run."""
+        return {w.agent: w.process.pid for w in self.workers.values() if w.process.poll() is None}
+
+    @property
+    def done(self) -> bool:
+        """Whether every agent has finished or is given up."""
+        return all(worker.done for worker in self.workers.values())
+
+    def close(self) -> None:
+        """End every process: SIGTERM, then SIGKILL after :data:`STOP_LIMIT`."""
+        end_all([worker.process for worker in self.workers.values()], STOP_LIMIT)
+        for worker in self.workers.values():
+            if worker.process.stdin is not None:
+                worker.process.stdin.close()
