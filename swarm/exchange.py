@@ -125,8 +125,7 @@ class Exchange:
 
     def heard(self) -> dict[str, tuple[int, float]]:
         """Newest round of every sender and the age of its last sign of life [s]."""
-        now, rounds = time.monotonic(), self._inbox.rounds()
-        return {agent: (rounds[agent], now - at) for agent, at in self._inbox.heard().items()}
+        return self._inbox.ages()
 
     def publish(
         self,

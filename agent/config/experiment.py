@@ -17,7 +17,7 @@ from agent.learning.optimizers import Adam, Optimizer, Sgd, decayed
 from agent.learning.policies import Policy, Tabular
 from swarm.errors import ConfigError
 from swarm.mixing.loss import Loss
-from swarm.mixing.rules import Mixing
+from swarm.mixing.rules import EXACT, Mixing
 from swarm.mixing.weights import Topology, check
 from swarm.protocol.timing import Timing
 from swarm.wire.keys import Keys, check_name
@@ -225,6 +225,7 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
                     "expected ids that differ"
                 )
         _check_pace(config)
+        _check_mixing(config)
         _check_training(config)
         _check_critic(config)
         _check_security(config)
@@ -245,6 +246,21 @@ def _check_pace(config: SwarmFile) -> None:
         raise ConfigError(
             f'optimizer.decay = {config.optimizer.decay:g}: expected pace = "sync" with it'
         )
+
+
+def _check_mixing(config: SwarmFile) -> None:
+    """Exact rules keep sums that are zero only while both ends of an edge use the same: they
+    diverge, or settle elsewhere, where one end may go its own way."""
+    mixing = config.mixing
+    if mixing.rule not in EXACT:
+        return
+    what = f'mixing.rule = "{mixing.rule}": expected '
+    if mixing.missing != "symmetric":
+        raise ConfigError(f'{what}mixing.missing = "symmetric" with it, not "{mixing.missing}"')
+    if config.pace != "sync":
+        raise ConfigError(f'{what}pace = "sync" with it, not "{config.pace}"')
+    if mixing.robust.kind == "trimmed-mean":
+        raise ConfigError(f'{what}mixing.robust.kind = "none" or "clip" with it')
 
 
 def _check_training(config: SwarmFile) -> None:

@@ -2,13 +2,15 @@
 
 Interface: :func:`serve_config` at those who are there, :func:`fetch_config` at the one who comes;
 round and parameters follow with :meth:`swarm.protocol.transfer.Handover.fetch`.  What is received
-is read as strictly as a file, and is trusted less: it may name tasks of this project and of
-Gymnasium only, no other module and no path.
+is read as strictly as a file, and is trusted less: it comes from a member of the swarm that it
+describes, may name tasks of this project and of Gymnasium only, no other module and no path, and
+does not say where the newcomer listens beyond the endpoint that the others dial.
 """
 
 import logging
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,15 +21,16 @@ from msgspec.structs import replace
 
 from agent.config.experiment import SwarmFile, Task, read
 from agent.config.strict import convert, override
-from swarm.errors import ConfigError, NetworkError
+from swarm.errors import ConfigError, NetworkError, PayloadError
 from swarm.wire.keys import Keys
 from swarm.wire.security import Party, Security
-from swarm.wire.session import Network, open_session
+from swarm.wire.session import Network, host_and_port, open_session
 
 log = logging.getLogger(__name__)
 DEADLINE = 3.0  # [s] for somebody to answer
 ASK_AGAIN = 0.5  # [s] links may still be on their way
 LONGEST = 1 << 20  # [bytes] of a swarm file
+EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104  (refused here; addresses that mean all)
 _ENVIRONMENT = re.compile(r"(sim:)?[A-Za-z0-9_-]+-v\d+")
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]*")
 
@@ -93,6 +96,7 @@ def fetch_config(
         raise ConfigError(f"{where} does not read: {error}") from None
     if not isinstance(received, dict):
         raise ConfigError(f"{where} holds no table: expected the keys of a swarm file")
+    check_network(read(received, (), where), sender, where)
     config = read(received, settings, where)
     security = config.network.security.beside(Path())
     config = replace(config, network=replace(config.network, security=security))
@@ -116,7 +120,7 @@ def _ask(
         offers = dict(_offers(session, keys, min(left, ASK_AGAIN)))
         offers.pop(agent, None)
         if offers:
-            return max(offers.items(), key=lambda entry: entry[1].round)
+            return _best(offers)
         time.sleep(max(0.0, min(left, ASK_AGAIN) - (time.monotonic() - asked)))
     where = f"at {', '.join(connect)}" if connect else "by multicast"
     raise NetworkError(
@@ -125,17 +129,45 @@ def _ask(
     )
 
 
+def _best(offers: dict[str, Offer]) -> tuple[str, Offer]:
+    """The file that most agree on, from whoever of them is furthest on."""
+    votes = Counter(offer.config for offer in offers.values())
+    return max(offers.items(), key=lambda entry: (votes[entry[1].config], entry[1].round))
+
+
 def _offers(session: zenoh.Session, keys: Keys, timeout: float) -> Iterable[tuple[str, Offer]]:
     for reply in session.get(
         keys.config(), timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
     ):
         if reply.ok is None or len(body := reply.ok.payload.to_bytes()) > LONGEST:
             continue
-        sender = Keys.identity(str(reply.ok.key_expr))[1]
         try:
+            sender = Keys.identity(str(reply.ok.key_expr))[1]
             yield sender, msgspec.msgpack.decode(body, type=Offer)
-        except msgspec.MsgspecError as error:
-            log.warning("dropped an answer of %s: %s", sender, error)
+        except (PayloadError, msgspec.MsgspecError) as error:
+            log.warning("dropped an answer on %s: %s", reply.ok.key_expr, error)
+
+
+def check_network(config: SwarmFile, sender: str, where: str) -> None:
+    """See that a received file comes from one of its agents and opens nothing here.
+
+    Raises:
+        ConfigError: it names files, an address to listen on, or a device.
+    """
+    network, trust = config.network, "to trust more, start with the swarm file itself"
+    if sender not in config.members:
+        raise ConfigError(f'{where}: "{sender}" is none of its agents: expected one that is')
+    if network.security != Security():
+        raise ConfigError(f"{where} names files in [network.security]: expected none; {trust}")
+    if network.listen is not None:
+        raise ConfigError(f'{where}: network.listen = "{network.listen}": expected none; {trust}')
+    for member in config.members:
+        host, _ = host_and_port(endpoint := config.endpoint(member))
+        if host in EVERYWHERE:
+            raise ConfigError(f'{where}: {member} at "{endpoint}": expected one address; {trust}')
+    for agent in config.agents:
+        if device := agent.namespace or agent.device:
+            raise ConfigError(f'{where}: agent "{agent.id}" on "{device}": expected none; {trust}')
 
 
 def check_task(task: Task, where: str) -> None:

@@ -16,6 +16,7 @@ from typing import BinaryIO
 
 import msgspec
 
+from agent.config.agreement import agreed
 from agent.config.experiment import SwarmFile
 from agent.daemon import answers
 from agent.daemon.answers import Life
@@ -54,6 +55,7 @@ def layout_of(config: SwarmFile, learner: Learner) -> Layout:
         precision=config.policy.precision,
         copies=RULES[config.mixing.rule].copies,
         codec=config.mixing.compression,
+        agreed=agreed(config),
     )
 
 
@@ -249,10 +251,10 @@ def _first_checkpoint(
     if resume and (held or begin is not None):
         round_ = held[-1] if begin is None else begin
         path = checkpoint.path_of(folder.checkpoints(agent), round_)
-        first = checkpoint.read(path, layout.fingerprint)
+        first = checkpoint.read(path, layout.shape)
         checkpoint.drop_after(folder.checkpoints(agent), round_)
         return first
-    return Checkpoint(0, layout.fingerprint, learner.initial())
+    return Checkpoint(0, layout.shape, learner.initial())
 
 
 def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpoint:

@@ -21,7 +21,7 @@ import zenoh
 from agent.config.experiment import SwarmFile
 from agent.daemon.process import layout_of
 from agent.learning.learners import build_learner
-from swarm.errors import ConfigError
+from swarm.errors import ConfigError, PayloadError
 from swarm.reports.telemetry import RoundReport, watch_reports
 from swarm.wire.keys import Keys
 from swarm.wire.payload import PROTOCOL
@@ -257,7 +257,8 @@ def _tokens(session: zenoh.Session, timeout: float) -> tuple[Token, ...]:
     found = set()
     for reply in session.liveliness().get(Keys("*").alive(), timeout=timeout):
         if reply.ok is not None:
-            found.add(Keys.identity(str(reply.ok.key_expr)))
+            with suppress(PayloadError):  # nobody's token
+                found.add(Keys.identity(str(reply.ok.key_expr)))
     return tuple(sorted(found))
 
 

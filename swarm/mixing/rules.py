@@ -37,6 +37,7 @@ Vector = NDArray[np.floating]
 State = dict[str, Vector]
 RuleName = Literal["dcpg", "atc", "exact-diffusion", "extra", "gradient-tracking"]
 Missing = Literal["stale", "give-back", "symmetric"]
+EXACT: tuple[RuleName, ...] = ("exact-diffusion", "extra", "gradient-tracking")
 
 
 class Mixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -44,15 +45,15 @@ class Mixing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         rule: see the table above.
-        missing: what counts in place of a neighbour's message that did not come: ``stale`` the last
-            one heard, ``give-back`` nothing (one-sided), ``symmetric`` nothing, on both sides of
-            the edge.
+        missing: what counts in place of a neighbour's message that did not come: ``symmetric``
+            nothing, on both sides of the edge, so that the swarm's mean is kept; ``stale`` the last
+            one heard; ``give-back`` nothing, on this side.
         compression: encoding on the wire.
         robust: how far to trust neighbours.
     """
 
     rule: RuleName = "dcpg"
-    missing: Missing = "stale"
+    missing: Missing = "symmetric"
     compression: Compression = "none"
     robust: Robust = Robust()
 

@@ -11,6 +11,7 @@ import threading
 import msgspec
 import zenoh
 
+from swarm.errors import PayloadError
 from swarm.reports.telemetry import RoundReport
 from swarm.wire.keys import Keys
 
@@ -66,10 +67,10 @@ def ask_history(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str,
     ):
         if reply.ok is None or len(body := reply.ok.payload.to_bytes()) > REPLY:
             continue
-        agent = Keys.identity(str(reply.ok.key_expr))[1]
         try:
+            agent = Keys.identity(str(reply.ok.key_expr))[1]
             reports = decoder.decode(body)
-        except msgspec.MsgspecError:
+        except (PayloadError, msgspec.MsgspecError):
             continue
         if len(reports) <= LIMIT and all(report.agent == agent for report in reports):
             answers[agent] = reports

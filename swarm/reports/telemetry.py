@@ -220,7 +220,7 @@ def _watch(
 ) -> zenoh.Subscriber[None]:
     def on_sample(sample: zenoh.Sample) -> None:
         message = decode(sample.payload.to_bytes(), kind)
-        if message is not None and message.agent == Keys.identity(str(sample.key_expr))[1]:
+        if message is not None and Keys.names(str(sample.key_expr), message.agent):
             receive(message)
 
     return session.declare_subscriber(key, on_sample)
@@ -249,6 +249,6 @@ def ask_status(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str, 
             status = decoder.decode(reply.ok.payload.to_bytes())
         except msgspec.MsgspecError:
             continue
-        if status.agent == Keys.identity(str(reply.ok.key_expr))[1]:
+        if Keys.names(str(reply.ok.key_expr), status.agent):
             answers[status.agent] = status
     return answers

@@ -116,3 +116,9 @@ class Inbox:
         """Monotonic time of each sender's last sign of life [s]."""
         with self._news:
             return {agent: box.heard for agent, box in self._boxes.items()}
+
+    def ages(self) -> dict[str, tuple[int, float]]:
+        """Newest round of each sender and the age of its last sign of life [s], of one moment."""
+        with self._news:
+            now = time.monotonic()
+            return {agent: (box.newest(), now - box.heard) for agent, box in self._boxes.items()}

@@ -20,9 +20,10 @@ anything but under its own id, so every key names its agent in the fourth place.
 import re
 from dataclasses import dataclass
 
-from swarm.errors import ConfigError
+from swarm.errors import ConfigError, PayloadError
 
 ROOT = "dcpg"
+SHOWN = 64  # letters of a strange key in an error
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 
@@ -88,12 +89,32 @@ class Keys:
 
     @staticmethod
     def token(key: str) -> tuple[str, str]:
-        """(agent, incarnation) of a liveliness key."""
-        agent, incarnation = key.rsplit("/", 2)[1:]
-        return agent, incarnation
+        """(agent, incarnation) of a liveliness key.
+
+        Raises:
+            PayloadError: it is none; whoever can publish can publish on wild keys.
+        """
+        parts = key.split("/")
+        if len(parts) != 5 or not all(_NAME.fullmatch(part) for part in parts[3:]):
+            raise PayloadError("key", f"token on {key[:SHOWN]!r}: expected one of an agent")
+        return parts[3], parts[4]
 
     @staticmethod
     def identity(key: str) -> tuple[str, str]:
-        """(swarm, agent) of any key."""
-        _, swarm, _, agent, *_ = key.split("/")
-        return swarm, agent
+        """(swarm, agent) of any key.
+
+        Raises:
+            PayloadError: it names none, for instance ``dcpg/**``, which reaches every subscriber.
+        """
+        parts = key.split("/")
+        if len(parts) < 4 or not all(_NAME.fullmatch(part) for part in (parts[1], parts[3])):
+            raise PayloadError("key", f"message on {key[:SHOWN]!r}: expected a key of an agent's")
+        return parts[1], parts[3]
+
+    @staticmethod
+    def names(key: str, agent: str) -> bool:
+        """Whether it is a key of this agent's."""
+        try:
+            return Keys.identity(key)[1] == agent
+        except PayloadError:
+            return False

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from swarm.errors import PayloadError
 from swarm.mixing.compression import Codec, FloatType
 
-PROTOCOL = 3  # raise it when the meaning of a header or body changes
+PROTOCOL = 4  # raise it when the meaning of a header or body changes
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
@@ -39,6 +39,7 @@ class Layout:
         precision: floating-point type of the vector in memory and on the wire.
         copies: vectors per message (a mixing rule may send more than theta).
         codec: name of the body's encoding.
+        agreed: everything else that two agents must have in common, as (key, value).
     """
 
     swarm: str
@@ -46,6 +47,7 @@ class Layout:
     precision: Precision = "float32"
     copies: int = 1
     codec: str = "none"
+    agreed: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def size(self) -> int:
@@ -60,8 +62,13 @@ class Layout:
     @cached_property
     def fingerprint(self) -> str:
         """Sixteen hexadecimal digits that two agents share only if they mean the same."""
-        text = repr((PROTOCOL, self.swarm, self.parts, self.precision, self.copies, self.codec))
-        return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
+        vectors = (self.swarm, self.parts, self.precision, self.copies, self.codec)
+        return _digits((PROTOCOL, *vectors, self.agreed))
+
+    @cached_property
+    def shape(self) -> str:
+        """Likewise of the parameters alone, for what is kept on disk."""
+        return _digits((self.swarm, self.parts, self.precision))
 
 
 class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -97,6 +104,10 @@ class Message:
 
     header: ParameterHeader
     vector: Vector
+
+
+def _digits(meaning: object) -> str:
+    return hashlib.blake2b(repr(meaning).encode(), digest_size=8).hexdigest()
 
 
 _encoder = msgspec.msgpack.Encoder()

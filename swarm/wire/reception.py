@@ -60,7 +60,7 @@ class Reception:
         last: float,
         most: float,
     ) -> None:
-        self.inbox, self.guard = Inbox(), Guard()
+        self.inbox, self.guard = Inbox(), Guard(members)
         self._session, self._agent, self._members = session, agent, members
         self._layout, self._codec, self._roster = layout, codec, roster
         self._last, self._most = last, most
@@ -90,7 +90,12 @@ class Reception:
         return decode_header(raw, layout, self._last, self._most)
 
     def _receive(self, sample: zenoh.Sample) -> None:
-        _, sender = Keys.identity(str(sample.key_expr))
+        try:
+            _, sender = Keys.identity(key := str(sample.key_expr))
+        except PayloadError as error:
+            if self.guard.admits(key):
+                self.guard.reject(key, error)
+            return
         if not self.guard.admits(sender):
             return
         try:

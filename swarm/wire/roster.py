@@ -12,7 +12,7 @@ from typing import Self
 
 import zenoh
 
-from swarm.errors import NetworkError
+from swarm.errors import NetworkError, PayloadError
 from swarm.wire.keys import Keys
 
 
@@ -67,7 +67,10 @@ class Roster:
         )
 
     def _on_token(self, sample: zenoh.Sample) -> None:
-        agent, incarnation = Keys.token(str(sample.key_expr))
+        try:
+            agent, incarnation = Keys.token(str(sample.key_expr))
+        except PayloadError:
+            return  # nobody's token
         with self._changed:
             if sample.kind == zenoh.SampleKind.PUT:
                 self._presence.put(agent, incarnation)

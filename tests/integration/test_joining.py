@@ -46,8 +46,14 @@ def test_a_newcomer_gets_the_file_and_strangers_are_refused_on_both_sides(tmp_pa
         code, said = run("agent", GRIDWORLD_A, *other, "policy.precision=float32", cwd=tmp_path)
         assert code == 3, said
         line = said.splitlines()[-1]
-        assert line.startswith('swarm: swarm "gridworld-a" refuses us: drone0 speaks protocol')
-        until(lambda: "refused: drone2 speaks protocol" in log.read_text(), "the other side")
+        assert line.startswith(
+            'swarm: swarm "gridworld-a" refuses us: drone0 differs in policy.precision'
+        )
+        assert '= "float64", we "float32": expected' in line
+        until(
+            lambda: 'refused: drone2 differs in policy.precision = "float32"' in log.read_text(),
+            "the other side",
+        )
         assert "drone2" not in {m for r in RunFolder(there).reports("drone0") for m in r.weights}
 
         # Another swarm: each says once who the other is, and both go on.

@@ -88,6 +88,7 @@ def test_an_inbox_gives_messages_by_round_and_the_newest() -> None:
     assert inbox.rounds() == {"b": 5, "c": -1}
     assert inbox.newest(["c"]) == {}
     assert set(inbox.heard()) == {"b", "c"}
+    assert {agent: round_ for agent, (round_, _) in inbox.ages().items()} == {"b": 5, "c": -1}
 
 
 def test_a_box_keeps_the_newest_rounds_and_the_first_message_of_each() -> None:

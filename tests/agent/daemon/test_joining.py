@@ -151,3 +151,34 @@ def test_with_certificates_the_file_is_needed() -> None:
     settings = [f"network.security.{key}=x" for key in ("ca", "certificate", "key")]
     with pytest.raises(ConfigError, match="expected the swarm file"):
         fetch_config("gridworld-a", "drone1", [], settings)
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [
+        (('network.security.users="/etc/passwd"',), "network.security"),
+        (('network.listen="tcp/0.0.0.0:7447"',), 'network.listen = "tcp/0.0.0.0:7447"'),
+        (('network.host="0.0.0.0"',), 'drone0 at "tcp/0.0.0.0:7450"'),
+        (('agents.1.endpoint="tcp/[::]:7447"',), 'drone1 at "tcp/[::]:7447"'),
+        (('agents.2.namespace="x"',), 'agent "drone2" on "x"'),
+    ],
+)
+def test_a_received_file_opens_nothing_here(
+    answers: list[Answer], settings: tuple[str, ...], named: str
+) -> None:
+    text = msgspec.json.encode(load(FILE, settings))
+    answers.append(Answer("drone0", msgspec.msgpack.encode(Offer(1, text))))
+    with pytest.raises(ConfigError, match="expected") as told:
+        fetch_config("gridworld-a", "drone1", ["tcp/127.0.0.1:1"])
+    assert named in str(told.value)
+
+
+def test_a_stranger_hands_out_no_file_and_the_many_are_believed(answers: list[Answer]) -> None:
+    answers.append(Answer("mallory", offer(10**9)))
+    with pytest.raises(ConfigError, match='"mallory" is none of its agents'):
+        fetch_config("gridworld-a", "drone1", ["tcp/127.0.0.1:1"])
+    answers += [
+        Answer("drone0", offer(3, ("rounds=5",))),
+        Answer("drone2", offer(4, ("rounds=5",))),
+    ]
+    assert fetch_config("gridworld-a", "drone1", ["tcp/127.0.0.1:1"]).rounds == 5

@@ -2,7 +2,7 @@
 
 import pytest
 
-from swarm.errors import ConfigError
+from swarm.errors import ConfigError, PayloadError
 from swarm.wire.keys import Keys, check_name
 
 
@@ -19,3 +19,13 @@ def test_bad_names(name: str) -> None:
 
 def test_tokens_read_back() -> None:
     assert Keys.token(Keys("s").alive("drone0", "1f")) == ("drone0", "1f")
+
+
+@pytest.mark.parametrize("key", ["dcpg/**", "**", "dcpg/*/params/*/a", "dcpg/s/params/**", "x/y"])
+def test_wild_keys_name_nobody(key: str) -> None:
+    with pytest.raises(PayloadError) as told:
+        Keys.identity(key)
+    assert told.value.cause == "key"
+    with pytest.raises(PayloadError):
+        Keys.token(key)
+    assert not Keys.names(key, "a")

@@ -10,7 +10,7 @@ import zenoh
 from swarm.errors import NetworkError
 from swarm.wire.keys import Keys
 from swarm.wire.payload import Layout
-from swarm.wire.refusals import LINES, Refusals, speech
+from swarm.wire.refusals import HEARD, LINES, Refusals, speech
 
 KEYS = Keys("s")
 OURS = Layout("s", (("theta", (4, 2)),))
@@ -91,8 +91,8 @@ def test_one_line_about_each_and_no_flood(
             network.put(KEYS.speaks("drone2", speech(THEIRS)))
             network.put(Keys("other").speaks("drone7", speech(OURS)))
     refused, other = caplog.messages
-    assert refused.startswith("refused: drone2 speaks protocol")
-    assert speech(THEIRS).partition(".")[2] in refused
+    assert refused.startswith("refused: drone2 differs in layout = (('theta', (5, 2)),), we ((")
+    assert refused.endswith("expected the same release and the same swarm file everywhere")
     assert other.startswith('another swarm is on this network, "other" (drone7)')
     assert refusals.refused() == {"drone2"}
     for i in range(2 * LINES):
@@ -105,7 +105,22 @@ def test_nobody_or_a_friend_lets_us_in_and_strangers_alone_do_not(
 ) -> None:
     refusals.check()
     network.here = [KEYS.speaks("drone0", speech(OURS)), KEYS.speaks("drone1", speech(THEIRS))]
-    with pytest.raises(NetworkError, match='swarm "s" refuses us: drone1 speaks protocol'):
+    with pytest.raises(NetworkError, match='swarm "s" refuses us: drone1 differs in layout'):
         refusals.check()
     network.here.append(KEYS.speaks("drone2", speech(OURS)))
     refusals.check()
+
+
+def test_tokens_on_wild_keys_and_under_many_names_cost_nothing(
+    network: Network, refusals: Refusals
+) -> None:
+    for key in ("dcpg/**", "dcpg/*/speaks/*/x", "**"):
+        network.put(key)
+    for i in range(2 * HEARD):
+        network.put(KEYS.speaks(f"mallory{i}", "4.x"))
+        network.put(KEYS.speaks("drone1", f"4.{i}"))
+    assert len(refusals.refused()) <= HEARD
+    for i in range(2 * HEARD):
+        network.delete(KEYS.speaks(f"mallory{i}", "4.x"))
+        network.delete(KEYS.speaks("drone1", f"4.{i}"))
+    assert refusals.refused() == set()
