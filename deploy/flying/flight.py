@@ -70,7 +70,7 @@ class Summary(msgspec.Struct, frozen=True):
 
 
 class Film(Protocol):
-    """Takes what is to be seen; see ``deploy.viewer.flight``."""
+    """Takes what is to be seen; see ``deploy.viewer.film``."""
 
     def take(self, drone: Vehicle, world: IndoorFlight, reward: float) -> None:
         """One step."""
@@ -250,7 +250,7 @@ class _NoFilm:
 
 def _film(stack: ExitStack, path: Path, scene: Scene, say: Say) -> Film:
     try:
-        from deploy.viewer.flight import FlightFilm  # noqa: PLC0415
+        from deploy.viewer.film import FlightFilm  # noqa: PLC0415
     except ImportError:
         say('no flight.rrd, since rerun-sdk is not installed: pip install "dcpg-swarm[viewer]"')
         return _NoFilm()

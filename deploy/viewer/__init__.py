@@ -4,11 +4,11 @@ Interface: :func:`view`, :class:`Output` and :func:`record_run`.  One way throug
 origin::
 
     reports -> moments.Moment -> drawing.Scene --+
-    flight samples -> flights.Trail -------------+-> rows.Row -> recorder.Recorder -> outputs
+    flight samples -> trails.Trail --------------+-> rows.Row -> recorder.Recorder -> outputs
                       theory.Theory -------------+   pure        send_columns          window, web,
                                                                                        file, picture
 
-``worlds`` and ``rooms`` draw the tasks; a kind of world that is not in there has no view of its
+``tasks`` and ``rooms`` draw the tasks; a kind of world that is not in there has no view of its
 own, the other views show it all the same.  Only this package imports Rerun.
 """
 

@@ -11,7 +11,7 @@
 ``events``                    who joined, left, mixed without whom
 ============================  ================================================================
 
-What flights add stands in ``flights``.
+What flights add stands in ``trails``.
 
 Everything has two times: ``round`` (a number) and ``time`` (wall clock).
 """
@@ -25,7 +25,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from agent.config.experiment import SwarmFile
-from deploy.viewer import colours, flights
+from deploy.viewer import colours, trails
 from deploy.viewer.moments import (
     Edge,
     Event,
@@ -39,8 +39,8 @@ from deploy.viewer.moments import (
 )
 from deploy.viewer.rooms import Room
 from deploy.viewer.rows import Columns, Row, scalars
+from deploy.viewer.tasks import CellWorld, world_of
 from deploy.viewer.theory import BOUND, DECAY
-from deploy.viewer.worlds import CellWorld, world_of
 from swarm.mixing.weights import graph
 
 CIRCLE = 120.0  # radius on which the agents stand [points of the graph view]
@@ -116,7 +116,7 @@ class Scene:
         for path, (name, colour) in CURVES.items():
             yield path, rr.SeriesLines(names=[name], colors=[colour], widths=[1.0])
         if self.flying:
-            yield from flights.still(self.colours)
+            yield from trails.still(self.colours)
 
     @property
     def flying(self) -> bool:

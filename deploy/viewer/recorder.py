@@ -7,10 +7,10 @@ from itertools import pairwise
 import rerun as rr
 
 from deploy.viewer.drawing import Scene
-from deploy.viewer.flights import Trail, flight_rows
 from deploy.viewer.moments import Moment
 from deploy.viewer.rows import Row
 from deploy.viewer.theory import Theory
+from deploy.viewer.trails import Trail, flight_rows
 from swarm.errors import SwarmError
 from swarm.reports.telemetry import FlightSample
 

@@ -10,7 +10,7 @@ import pytest
 from deploy.cli import main as cli
 from deploy.flying import flight
 from deploy.process.signals import StoppedError, stopping_at_signals
-from deploy.viewer.flight import picture_of, turned
+from deploy.viewer.film import picture_of, turned
 from sim.indoor.content.scene import load
 from sim.indoor.flight.env import IndoorFlight, Observation
 from sim.indoor.render.camera import rays

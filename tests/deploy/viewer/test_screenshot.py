@@ -20,9 +20,9 @@ from agent.config.experiment import AgentEntry, SwarmFile, Task
 from agent.daemon.pictures import png_of_depth, png_of_rgb
 from agent.learning.estimators import Exact
 from deploy.viewer import Output, colours, outputs
-from deploy.viewer.flights import POINTS, Trail
 from deploy.viewer.moments import Moment
 from deploy.viewer.outputs import opened
+from deploy.viewer.trails import POINTS, Trail
 from swarm.reports.telemetry import FlightSample, RoundReport
 from tests.integration.harness import GRIDWORLD_A, swarm, until
 

@@ -28,7 +28,7 @@ from deploy.viewer.moments import (
     thin,
 )
 from deploy.viewer.recorder import Recorder
-from deploy.viewer.worlds import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
+from deploy.viewer.tasks import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
 from swarm.reports.telemetry import RoundReport
 
 GRID = Task("sim:GridWorld-v0", {"layout": "a", "task": 0})
