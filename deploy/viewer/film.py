@@ -25,13 +25,12 @@ from numpy.typing import NDArray
 
 from agent.vehicle import Vehicle
 from deploy.viewer import colours
+from deploy.viewer.meshes import OpenMesh
 from sim.indoor.content.scene import Scene
 from sim.indoor.flight.env import IndoorFlight
-from sim.indoor.geometry.mesh import Mesh
 
 TRAIL = 500  # steps; 200 m
 QUALITY = 85  # of the pictures; JPEG, a tenth of their size
-CEILING = 0.35  # m below the ceiling; what lies flat there is left out
 LEAVES = 20.0  # s for what was recorded to reach the disk
 PLOTS = ("reward", "speed", "height", "battery")
 DRONE = colours.AGENTS[1]
@@ -45,15 +44,8 @@ class FlightFilm:
         self._stream = rr.RecordingStream("swarm flight")
         self._stream.save(path, default_blueprint=_blueprint())
         self._trail: list[NDArray[np.float64]] = []
-        mesh, colour = picture_of(scene)
         self._log("world", rr.ViewCoordinates.FRD, static=True)
-        self._log(
-            "world/room",
-            rr.Mesh3D(
-                vertex_positions=mesh.reshape(-1, 3), vertex_colors=np.repeat(colour, 3, axis=0)
-            ),
-            static=True,
-        )
+        self._log("world/room", OpenMesh.of(scene.mesh).drawn(), static=True)
         self._log("world/drone/body", rr.Points3D([[0, 0, 0]], radii=[RADIUS], colors=[DRONE]),
                   static=True)  # fmt: skip
 
@@ -94,22 +86,6 @@ class FlightFilm:
 
     def _log(self, path: str, what: rr.AsComponents, *, static: bool = False) -> None:
         self._stream.log(path, what, static=static)
-
-
-def picture_of(scene: Scene) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    """Triangles (T, 3, 3) [m, NED] and their colours (T, 3), without the ceiling."""
-    mesh = scene.mesh
-    top = mesh.corner[:, :, 2].min() + CEILING
-    kept = ~(mesh.corner[:, :, 2] < top).all(axis=1)
-    return mesh.corner[kept], _mean_colours(mesh)[kept]
-
-
-def _mean_colours(mesh: Mesh) -> NDArray[np.uint8]:
-    """(T, 3) colour of each triangle's texture: its coarsest level, one texel."""
-    first, side = mesh.texture[:, 0].astype(np.int64), mesh.texture[:, 1].astype(np.int64)
-    finer = (4 ** (side + 1) - 4) // 3  # texels of all levels but the last
-    words = mesh.texels[first + finer]
-    return np.stack([words >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
 
 
 def turned(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
