@@ -84,13 +84,13 @@ class VehicleBody:
         x, y, z = (a + b for a, b in zip(state.position, self._home[:3], strict=True))
         return (x, y, z, *state.attitude)
 
-    def place(self, pose: Pose) -> None:
+    def place(self, pose: Pose, seed: int) -> None:
         """Be ready for an episode, wherever the environment would like to begin it.
 
         The first time it takes off, or goes on from where a lost agent left it in the air, and at
         home turns as the scene's start does; then it flies back a little.
         """
-        del pose
+        del pose, seed
         if not self._trail:
             if not self.drone.take_over():
                 self.drone.take_off(self._height)

@@ -3,7 +3,8 @@
 Interface: :func:`lockstep_bodies`.  An environment has one process of vehicles, a child of the
 environment's own; each of its flights has one vehicle in it, with a system id and a port of its
 own.  A step asks for the velocity that leads to the set point in the time of a step, and for its
-heading; where the vehicle really gets, with its inertia and tilt, is what its telemetry reports.
+heading, as far as the vehicle's estimates are true; camera, collision and distance follow where it
+really gets, with its inertia and tilt.
 """
 
 from collections.abc import Sequence
@@ -29,23 +30,24 @@ class LockstepBody:
 
     @property
     def pose(self) -> Pose:
-        """Where its telemetry says that it is, in the frame of the scene."""
+        """Where it really is, in the frame of the scene."""
         state, home = self._client.connect(), self._home
-        x, y, z = state.position
-        return Pose(x + home.x, y + home.y, z + home.z, *state.attitude)
+        x, y, z = state.true_position
+        return Pose(x + home.x, y + home.y, z + home.z, *state.true_attitude)
 
-    def place(self, pose: Pose) -> None:
+    def place(self, pose: Pose, seed: int) -> None:
         """Be there in the air, level and at rest; takes no time."""
         home = self._home
-        self._client.place(pose.x - home.x, pose.y - home.y, pose.z - home.z, pose.yaw)
+        self._client.place(pose.x - home.x, pose.y - home.y, pose.z - home.z, pose.yaw, seed)
 
     def head_for(self, target: SetPoint) -> None:
-        """Send the set point of a step."""
-        here, seconds = self.pose, self._step
+        """Send the set point of a step, as one who believes the vehicle's estimates."""
+        state, home, seconds = self._client.connect(), self._home, self._step
+        x, y, z = state.position
         self._client.send_velocity(
-            (target.x - here.x) / seconds,
-            (target.y - here.y) / seconds,
-            (target.z - here.z) / seconds,
+            (target.x - home.x - x) / seconds,
+            (target.y - home.y - y) / seconds,
+            (target.z - home.z - z) / seconds,
             target.yaw,
         )
 
@@ -71,7 +73,6 @@ def lockstep_bodies(
     wind: Sequence[float] = (0.0, 0.0),
     gusts: float = 0.0,
     noise: bool = False,
-    seed: int = 0,
 ) -> list[Body]:
     """One vehicle for each site, in a process of their own.
 
@@ -83,8 +84,9 @@ def lockstep_bodies(
         solid: whether the vehicle itself feels the walls; the environment's collision does anyway.
         wind: where the air goes, north and east [m/s].
         gusts: standard deviation of the wind per axis [m/s].
-        noise: whether the sensors are imperfect; the camera then follows what they believe.
-        seed: of gusts and noise; the flight's number is added.
+        noise: whether the estimator errs; the vehicle then steers by what it believes.
+
+    Gusts and noise are drawn from the seed of each flight (``reset(seed=...)``).
 
     Raises:
         ValueError: an option is none.
@@ -102,7 +104,6 @@ def lockstep_bodies(
             lockstep=step,
             weather=weather,
             noise=NOISY if noise else Noise(),
-            seed=seed + site.flight,
             scene=site.scene if solid else None,
         )
         for site in sites

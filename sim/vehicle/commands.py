@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from sim.vehicle.autopilot import Autopilot
 
 ACCEPTED, UNSUPPORTED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_UNSUPPORTED
-PLACE = mavlink.MAV_CMD_USER_1  # lockstep only: be at x, y, z [m, NED], yaw [rad], flying
+PLACE = mavlink.MAV_CMD_USER_1  # lockstep only: be at x, y, z [m, NED], yaw [rad]; 7: seed
 
 
 def run(pilot: Autopilot, message: Message) -> Message:

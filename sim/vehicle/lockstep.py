@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import gymnasium
+import numpy as np
 
 from sim.vehicle import server
 from sim.vehicle.codec import Attitude, Codec, LocalPosition, SetPointMessage
 from sim.vehicle.commands import PLACE
 from sim.vehicle.dialect import Message, mavlink
+from sim.vehicle.frames import euler_from_quaternion
 from sim.vehicle.setpoints import (
     ACCELERATION,
     LOCAL_NED,
@@ -48,6 +50,8 @@ class VehicleState(NamedTuple):
     position: tuple[float, float, float]  # m, NED
     velocity: tuple[float, float, float]  # m/s, NED
     attitude: tuple[float, float, float]  # rad: roll, pitch, yaw
+    true_position: tuple[float, float, float]  # m, NED; the above are estimates
+    true_attitude: tuple[float, float, float]  # rad
 
 
 class VehicleLostError(gymnasium.error.Error, TimeoutError):
@@ -86,6 +90,7 @@ class LockstepClient:
         self._asked: Message = None  # the set point of that step
         self._place: LocalPosition | None = None
         self._turn: Attitude | None = None
+        self._truth: Message = None  # ATT_POS_MOCAP of the step, where estimates err
         self._state: VehicleState | None = None
 
     def __enter__(self) -> Self:
@@ -133,12 +138,17 @@ class LockstepClient:
         assert self._state is not None
         return self._state
 
-    def place(self, x: float, y: float, z: float, yaw: float) -> VehicleState:
-        """Be in the air there, at rest; takes no time."""
-        result = self.command(PLACE, x, y, z, yaw)
+    def place(
+        self, x: float, y: float, z: float, yaw: float, seed: int | None = None
+    ) -> VehicleState:
+        """Be in the air there, at rest; takes no time.  A `seed` begins gusts and noise anew."""
+        luck = math.nan if seed is None else float(seed)
+        result = self.command(PLACE, x, y, z, yaw, 0.0, 0.0, luck)
         if result != mavlink.MAV_RESULT_ACCEPTED:
             raise RuntimeError(f"vehicle {self._system} cannot be placed: MAV_RESULT {result}")
-        state = VehicleState(self._ms, (x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+        state = VehicleState(
+            self._ms, (x, y, z), (0.0, 0.0, 0.0), (0.0, 0.0, yaw), (x, y, z), (0.0, 0.0, yaw)
+        )
         self._state = state
         return state
 
@@ -196,6 +206,8 @@ class LockstepClient:
                 self._place = message
             elif isinstance(message, Attitude):
                 self._turn = message
+            elif message.get_type() == "ATT_POS_MOCAP":
+                self._truth = message
         place, turn = self._place, self._turn
         if place is None or turn is None or place.time_boot_ms != turn.time_boot_ms:
             return messages
@@ -203,5 +215,12 @@ class LockstepClient:
             self._ms = place.time_boot_ms
             if not all(math.isfinite(value) for value in (*place, *turn)):
                 raise RuntimeError(f"vehicle {self._system} reports numbers that are none")
-            self._state = VehicleState(self._ms, place[1:4], place[4:7], turn[1:4])
+            position, attitude = place[1:4], turn[1:4]
+            if self._truth is not None:
+                truth, self._truth = self._truth, None
+                position = (truth.x, truth.y, truth.z)
+                attitude = euler_from_quaternion(np.array(truth.q))
+            self._state = VehicleState(
+                self._ms, place[1:4], place[4:7], turn[1:4], position, attitude
+            )
         return messages

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from sim.vehicle.autopilot import Autopilot
 
 UNSUPPORTED = mavlink.MAV_RESULT_UNSUPPORTED
+SEEDS = 1 << 24  # whole numbers that a float32 parameter tells apart
 MAGIC_FORCE = 21196  # param2 of COMPONENT_ARM_DISARM: disarm also in the air
 
 
@@ -156,6 +157,10 @@ def put(pilot: Autopilot, command: Command) -> None:
     kept = setpoints.confine(target, place, limits.fence_radius, limits.fence_height)
     if not np.allclose(kept[0:3], place):
         raise Refusal(DENIED, "beyond the fence")
+    if not math.isnan(command.z):  # what is chance in the flight that begins
+        if not 0 <= command.z < SEEDS:
+            raise Refusal(DENIED)
+        pilot.body.reseed(int(command.z))
     pilot.place(place, yaw)
 
 

@@ -124,6 +124,15 @@ class Quadrotor:
         self._belief[:] = 0.0
         self._stale, self.impact, self.touching = not flying, 0.0, False
 
+    def reseed(self, seed: int) -> None:
+        """Draw gusts and the estimator's errors from another seed from now on."""
+        self._random = np.random.default_rng(seed)
+
+    @property
+    def truth(self) -> tuple[Doubles, Doubles]:
+        """Where it really is (3,) [m, NED], and its attitude as a quaternion (4,), w first."""
+        return self.state[0:3], self.state[6:10]
+
     def advance(self, target: Doubles | None, speeds: Speeds, slices: int = 1) -> None:
         """Fly `slices` of 20 ms towards a target (8,); with None the rotors are off."""
         if target is None:

@@ -7,7 +7,8 @@ that is too slow falls behind rather than stall the link.
 
 Lockstep: time passes only when told.  The step token is SET_POSITION_TARGET_LOCAL_NED.time_boot_ms
 (which autopilots ignore): the vehicle's current time advances it by one step and is answered with
-all telemetry of the step in one datagram; the time before that, a repetition after a lost datagram,
+all telemetry of the step in one datagram, and with ATT_POS_MOCAP, where the vehicle really is, if
+its estimates err; the time before that, a repetition after a lost datagram,
 is answered with the same telemetry again; any other time is ignored.  A set point whose type_mask
 ignores everything is a step without a set point.  Everything else is answered at once, without time
 passing.  While nobody steps, the last telemetry is repeated once per second, so that clients find
@@ -22,7 +23,7 @@ from dataclasses import dataclass, field
 
 from sim.vehicle.autopilot import ZURICH, Autopilot
 from sim.vehicle.codec import Codec, SetPointMessage
-from sim.vehicle.dialect import Message
+from sim.vehicle.dialect import Message, mavlink
 from sim.vehicle.flavours import PX4, Flavour
 from sim.vehicle.frames import Geodetic
 from sim.vehicle.links import Link, TcpLink, UdpLink
@@ -161,6 +162,13 @@ def _real_time(
         link.send([codec.encode(message) for message in pilot.advance(SLICE)])
 
 
+def _truth(pilot: Autopilot) -> Message:
+    place, q = pilot.body.truth
+    return mavlink.MAVLink_att_pos_mocap_message(
+        pilot.ms * 1000, [float(value) for value in q], *(float(value) for value in place)
+    )
+
+
 def _lockstep(
     pilot: Autopilot, codec: Codec, link: Link, step: float, stop: threading.Event
 ) -> None:
@@ -182,6 +190,8 @@ def _lockstep(
                 before = pilot.ms
                 frames = _answer(pilot, codec, message)
                 telemetry = frames + [codec.encode(m) for m in pilot.advance(step)]
+                if pilot.body.noise != Noise():
+                    telemetry.insert(0, codec.encode(_truth(pilot)))
                 link.send(telemetry)
                 announced = time.monotonic()
             elif message.time_boot_ms == before:

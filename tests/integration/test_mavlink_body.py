@@ -96,6 +96,26 @@ def test_a_vector_flies_the_same_flights_as_single_environments(envs: Any) -> No
         single.close()
 
 
+def test_gusts_and_noise_follow_the_seed_and_the_learner_sees_the_truth() -> None:
+    """The same seed in the same environment: the same flight; the estimate is not where it is."""
+    env = make(body_options={"gusts": 1.0, "noise": True})
+    try:
+        ways = []
+        for seed in (0, 0, 1):
+            env.reset(seed=seed, options={"start": 0})
+            ways.append([env.step(STRAIGHT)[4]["pose"] for _ in range(6)])
+        assert np.array_equal(ways[0], ways[1])
+        assert not np.allclose(ways[0], ways[2], atol=0.01)
+        body = env._bodies[0]
+        state = body._client.connect()
+        error = np.subtract(state.position, state.true_position)
+        assert 0.01 < np.abs(error).max() < 1.0
+        seen = env.pose[:3] - np.array(body._home[:3])
+        assert seen == pytest.approx(state.true_position, abs=1e-6)
+    finally:
+        env.close()
+
+
 def test_a_wall_ends_the_flight_and_the_next_begins_at_a_start(envs: Any) -> None:
     envs.reset(seed=0)
     for _ in range(120):

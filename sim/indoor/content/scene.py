@@ -11,7 +11,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -20,6 +20,7 @@ import numpy as np
 from sim.indoor.compiled import cache_dir
 from sim.indoor.content import scenes
 from sim.indoor.content.assembly import NED_FROM_PLAN, Charts, assemble
+from sim.indoor.content.naming import split
 from sim.indoor.content.plan import Plan, Start, linear
 from sim.indoor.geometry.mesh import Doubles, Mesh, Words
 from sim.indoor.render import lighting
@@ -28,9 +29,9 @@ from sim.indoor.render.lighting import Lamps
 RECIPE = "1"  # change it when the same input should give another light
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
-    """One world."""
+    """One world.  Two are the same if they are one object."""
 
     name: str
     mesh: Mesh
@@ -40,12 +41,13 @@ class Scene:
 
 
 def load(name: str, *, lit: bool = True) -> Scene:
-    """One of our worlds by its name, or a .glb, .gltf, .obj or .ply file by its path.
+    """One of our worlds by its name, or a .glb, .gltf, .obj or .ply file by its path and options.
 
-    Without `lit` every surface is equally bright: for tests and for users in a hurry.  Asking again
-    gives the same object, until the file changes.
+    :mod:`sim.indoor.content.naming` says how options are written.  Without `lit` every surface is
+    equally bright: for tests and for users in a hurry.  Asking again gives the same object, until
+    the file changes.
     """
-    file = Path(name)
+    file = Path(split(name)[0])
     stamp = file.stat().st_mtime_ns if not scenes.known(name) and file.is_file() else 0
     return _load(name, lit, stamp)
 
@@ -57,7 +59,8 @@ def _load(name: str, lit: bool, stamp: int) -> Scene:
         return build(name, scenes.plan(name), lit=lit)
     from sim.indoor.content import userfile  # noqa: PLC0415  (trimesh only where a file is read)
 
-    return userfile.read(name, lit=lit)
+    file, options = split(name)
+    return replace(userfile.read(file, options, lit=lit), name=name)
 
 
 def build(name: str, plan: Plan, *, lit: bool = True) -> Scene:

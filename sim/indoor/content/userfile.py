@@ -1,6 +1,8 @@
 """Worlds of the user's own: any glTF/GLB, OBJ or PLY file, through trimesh.
 
-What a file must be: triangles in metres that close a room around every start.  glTF is y-up by its
+What a file must be: triangles in metres that close a room around every start: no flight may get
+out (``sim.indoor.geometry.flood``), unless the caller says that the world is open; then leaving its
+bounds ends a flight.  glTF is y-up by its
 standard, OBJ and PLY are taken as z-up; x is east.  Base colours and their textures are kept, lamps
 are not: every start gets one of ours above it, and the light is baked like ours.  Start poses are
 found (or given by the caller of ``read``): level places with clearance all around, headed where
@@ -9,7 +11,6 @@ there is most room.
 One line says what is wrong with a file: ``SceneError``.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,11 +19,13 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.indoor.content.assembly import Charts, affine, chart_of, grow
+from sim.indoor.content.naming import AS_IT_IS, FileOptions
 from sim.indoor.content.scene import Scene, light
 from sim.indoor.content.textures import mip_chain
-from sim.indoor.errors import SceneError
+from sim.indoor.errors import SceneError, checked_pose
 from sim.indoor.flight.reward import windowed
 from sim.indoor.geometry.collision import clearance
+from sim.indoor.geometry.flood import find_leak
 from sim.indoor.geometry.mesh import Doubles, Mesh, Words
 from sim.indoor.render.camera import Camera, Renderer
 from sim.indoor.render.lighting import Lamps
@@ -42,17 +45,24 @@ NED_FROM_Y_UP = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 NED_FROM_Z_UP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-def read(path: str, *, starts: Sequence[Sequence[float]] | None = None, lit: bool = True) -> Scene:
-    """The world in a file; `starts`: (x, y, z, yaw) [m, NED; rad] instead of found ones."""
+def read(path: str, options: FileOptions = AS_IT_IS, *, lit: bool = True) -> Scene:
+    """The world in a file.
+
+    Raises:
+        SceneError: it will not do.
+    """
     file = Path(path)
     corner, uv, pictures, picture = _triangles(file)
     mesh, charts = _mesh(corner, uv, pictures, picture)
-    if starts is None:
-        poses = find_starts(mesh, path)
+    if not options.starts:
+        poses = find_starts(mesh, path, open_=options.open)
     else:
-        poses = np.array([[x, y, z, 0.0, 0.0, yaw] for x, y, z, yaw in starts])
-        for pose in poses:
-            _check_closed(mesh, pose[:3], path)
+        poses = np.array(
+            [checked_pose((*p[:3], 0.0, 0.0, p[3]), "a start") for p in options.starts]
+        )
+    _check_inside(mesh, poses, path)
+    if not options.open:
+        _check_closed(mesh, poses, path)
     if lit and mesh.triangles <= MAX_BAKED:
         mesh, charts = _facing_rooms(mesh, charts)
         place = poses[:, :3] - np.array([0.0, 0.0, 0.4])
@@ -231,25 +241,40 @@ def _sphere(count: int) -> Doubles:
     return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
 
 
-def _escaping(mesh: Mesh, place: Doubles) -> int:
-    """How many of `RAYS` rays from a place meet nothing."""
+def _escapes(mesh: Mesh, place: Doubles) -> bool:
+    """Whether one of `RAYS` rays from a place meets nothing."""
     directions = _sphere(RAYS)
     _, triangle = cast_many(mesh, 0, np.tile(place, (RAYS, 1)), directions)
-    return int((triangle < 0).sum())
+    return bool((triangle < 0).any())
 
 
-def _check_closed(mesh: Mesh, place: Doubles, path: str) -> None:
-    lost = _escaping(mesh, place)
-    if lost:
-        x, y, z = place
-        raise SceneError(
-            f"scene file {path} is not closed around the start at ({x:.1f}, {y:.1f}, {z:.1f}): "
-            f"{lost} of {RAYS} rays leave it"
-        )
+def _check_inside(mesh: Mesh, poses: Doubles, path: str) -> None:
+    low, high = mesh.box[mesh.root[0]].astype(np.float64).reshape(2, 3)
+    for place in poses[:, :3]:
+        if not ((low < place) & (place < high)).all():
+            x, y, z = place
+            raise SceneError(
+                f"scene file {path}: the start at ({x:.1f}, {y:.1f}, {z:.1f}) lies outside of its "
+                f"bounds, {np.round(low, 1).tolist()} to {np.round(high, 1).tolist()} m"
+            )
 
 
-def find_starts(mesh: Mesh, path: str) -> Doubles:
-    """Up to `STARTS` poses inside the world, spread out: the first of a fixed sequence that fit."""
+def _check_closed(mesh: Mesh, poses: Doubles, path: str) -> None:
+    for place in poses[:, :3]:
+        hole = find_leak(mesh, place)
+        if hole is not None:
+            (x, y, z), (u, v, w) = place, hole
+            raise SceneError(
+                f"scene file {path} is not closed: a flight from ({x:.1f}, {y:.1f}, {z:.1f}) "
+                f"leaves it near ({u:.1f}, {v:.1f}, {w:.1f}); close it there, or say {path}?open"
+            )
+
+
+def find_starts(mesh: Mesh, path: str, *, open_: bool = False) -> Doubles:
+    """Up to `STARTS` poses inside the world, spread out: the first of a fixed sequence that fit.
+
+    In an `open_` world there need be nothing above them, nor all around.
+    """
     points = mesh.corner.reshape(-1, 3)
     low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     rng = np.random.default_rng(0)
@@ -257,9 +282,9 @@ def find_starts(mesh: Mesh, path: str) -> Doubles:
     down = np.tile([0.0, 0.0, 1.0], (len(places), 1))
     below, _ = cast_many(mesh, 0, places, down)
     above, _ = cast_many(mesh, 0, places, -down)
-    inside = np.isfinite(below) & np.isfinite(above)
+    inside = np.isfinite(below) & (np.isfinite(above) | open_)
     half_open = int((np.isfinite(below) != np.isfinite(above)).sum())
-    if half_open > inside.sum():
+    if half_open > inside.sum() and not open_:
         raise SceneError(f"scene file {path} is not closed: it lacks a floor or a ceiling")
     room = below + above
     inside &= room > 2 * CLEARANCE
@@ -277,7 +302,7 @@ def find_starts(mesh: Mesh, path: str) -> Doubles:
             continue
         if clearance(mesh, 0, place, 2 * CLEARANCE) < CLEARANCE:
             continue
-        if _escaping(mesh, place):
+        if not open_ and _escapes(mesh, place):
             open_places += 1
             if open_places > 200:
                 break

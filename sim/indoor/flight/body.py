@@ -48,8 +48,11 @@ class Body(Protocol):
         """Where the body is now."""
         ...
 
-    def place(self, pose: Pose) -> None:
-        """Be at the start of a new flight: level, at rest; or as near to that as the body can."""
+    def place(self, pose: Pose, seed: int) -> None:
+        """Be at the start of a new flight: level, at rest; or as near to that as the body can.
+
+        Whatever is chance in the flight that follows (gusts, noise) is drawn from `seed`.
+        """
         ...
 
     def head_for(self, target: SetPoint) -> None:
@@ -83,7 +86,8 @@ class KinematicBody:
     def pose(self) -> Pose:
         return self._pose
 
-    def place(self, pose: Pose) -> None:
+    def place(self, pose: Pose, seed: int) -> None:
+        del seed  # nothing is chance here
         self._pose = pose
 
     def head_for(self, target: SetPoint) -> None:

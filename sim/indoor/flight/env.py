@@ -1,5 +1,6 @@
 """One drone in one world, as a Gymnasium environment: ``gymnasium.make("sim:IndoorFlight-v0")``."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -7,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from gymnasium import spaces
 
+from sim.indoor.content.naming import join
 from sim.indoor.content.scene import load
+from sim.indoor.errors import PoseError, checked_pose
 from sim.indoor.flight.body import Body, make_bodies
 from sim.indoor.flight.flights import ACTIONS, Flights
 from sim.indoor.geometry.mesh import Doubles, Floats
@@ -41,11 +44,13 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
 
     ## Starting State
     One of the scene's start poses, 1.5 m above the floor; with ``options={"pose": (x, y, z, yaw)}``
-    wherever you like, with ``options={"start": k}`` at start ``k``.
+    wherever you like, with ``options={"start": k}`` at start ``k``.  The seed governs all chance,
+    that of the body (gusts, noise) included.
 
     ## Episode End
     *Terminated* by a crash: the drone (a sphere of 0.25 m) touches something, or the reward falls
-    under 0.07 (1.37 m).  *Truncated* after ``max_steps``; ``None`` is never.
+    under 0.07 (1.37 m), or the drone leaves the world's bounds.  *Truncated* after ``max_steps``;
+    ``None`` is never.
 
     ## Information
     ``distance``: metres flown horizontally in this episode (safe flight); ``pose``: x, y, z [m,
@@ -54,11 +59,12 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
 
     ## Arguments
     ``scene``: a name (``sim.indoor.content.scenes.NAMES``) or the path of a .glb, .gltf, .obj or
-    .ply file; ``body``: ``"kinematic"``; ``"mavlink"``, a simulated vehicle with a MAVLink
-    autopilot, in lockstep (``body_options``: arguments of ``sim.vehicle.bodies.lockstep_bodies``);
-    ``"module:maker"``; or any object with the ``Body`` protocol (``sim.indoor.flight.body``);
-    ``camera``: another size or field of view; ``max_steps``; ``render_mode``: ``"rgb_array"``,
-    PEDRA's picture of 320 x 180.
+    .ply file; ``scene_options``: ``open`` and ``starts`` of a file (``sim.indoor.content.naming``),
+    which may stand in its name instead, ``"hall.ply?open"``; ``body``: ``"kinematic"``;
+    ``"mavlink"``, a simulated vehicle with a MAVLink autopilot, in lockstep (``body_options``:
+    arguments of ``sim.vehicle.bodies.lockstep_bodies``); ``"module:maker"``; or any object with the
+    ``Body`` protocol (``sim.indoor.flight.body``); ``camera``: another size or field of view;
+    ``max_steps``; ``render_mode``: ``"rgb_array"``, PEDRA's picture of 320 x 180.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium declares it so)
@@ -72,14 +78,15 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         body: str | Body = "kinematic",
         *,
         body_options: dict[str, Any] | None = None,
+        scene_options: Mapping[str, Any] | None = None,
         max_steps: int | None = None,
         camera: Camera | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self.render_mode = render_mode
+        self.render_mode = checked_mode(render_mode)
         self.camera = camera or Camera()
-        self.max_steps = max_steps
-        self.scene = load(scene)
+        self.max_steps = checked_steps(max_steps)
+        self.scene = load(join(scene, scene_options))
         self._bodies = make_bodies(body, [self.scene], body_options)
         self._flights = Flights([self.scene], self.camera, self._bodies)
         self._renderer: Renderer | None = None
@@ -127,7 +134,7 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
         """Turn, advance 0.4 m, look."""
         flights = self._flights
         flights.fresh_pictures()
-        flights.step(np.array([action], np.int64), [self.np_random])
+        flights.step(np.atleast_1d(action), [self.np_random])
         crashed = bool(flights.crashed[0])
         late = self.max_steps is not None and int(flights.steps[0]) >= self.max_steps
         return flights.rgb[0], float(flights.reward[0]), crashed, late and not crashed, self._info()
@@ -146,12 +153,47 @@ class IndoorFlight(gymnasium.Env[Observation, np.int64]):
             body.close()
 
 
+def checked_mode(mode: str | None) -> str | None:
+    """A render mode.
+
+    Raises:
+        ValueError: there is no such mode.
+    """
+    if mode not in {None, "rgb_array"}:
+        raise ValueError(f'render_mode = {mode!r}: expected "rgb_array" or None')
+    return mode
+
+
+def checked_steps(steps: int | None) -> int | None:
+    """The longest episode [steps]; None: without end.
+
+    Raises:
+        ValueError: it has no steps.
+    """
+    if steps is not None and not (isinstance(steps, int) and steps >= 1):
+        raise ValueError(f"max_steps = {steps!r}: expected a whole number from 1 on, or None")
+    return steps
+
+
 def start_pose(options: dict[str, Any], starts: Doubles) -> Doubles | None:
-    """The pose that reset's options ask for."""
+    """The pose (6,) that reset's options ask for; None: any of the starts.
+
+    Raises:
+        ValueError: an option is none.
+        PoseError: the pose is none.
+    """
+    if unknown := set(options) - {"pose", "start"}:
+        raise ValueError(f'reset option "{min(unknown)}": expected "pose" or "start"')
     if "pose" in options:
-        x, y, z, yaw = (float(value) for value in options["pose"])
-        return np.array([x, y, z, 0.0, 0.0, yaw])
+        place = options["pose"]
+        if len(place) != 4:
+            raise PoseError(f'options["pose"] = {place}: expected x, y, z, yaw')
+        x, y, z, yaw = place
+        return checked_pose((x, y, z, 0.0, 0.0, yaw), 'options["pose"]')
     if "start" in options:
-        pose: Doubles = starts[int(options["start"])]
+        start = options["start"]
+        if not 0 <= start < len(starts):
+            raise ValueError(f'options["start"] = {start}: expected 0 to {len(starts) - 1}')
+        pose: Doubles = starts[int(start)]
         return pose
     return None

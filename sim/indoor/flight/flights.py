@@ -8,6 +8,8 @@ Motion (PEDRA): action = 5 i + j.  The nose turns by (80/1.5)/5 (j - 2) degrees,
 right; the drone advances 0.4 m horizontally along its new heading and 0.4 sin(theta) m down, with
 theta = (45/1.5)/5 (i - 2) degrees.  Both angles carry uniform noise of a sixth of their step either
 way.  The camera stays level.
+
+A flight that leaves the world's bounds, through a hole that a file is allowed to have, has crashed.
 """
 
 from collections.abc import Sequence
@@ -18,11 +20,12 @@ import numpy.typing as npt
 
 from sim.indoor.compiled import compiled
 from sim.indoor.content.scene import Scene
+from sim.indoor.errors import checked_pose
 from sim.indoor.flight.body import Body, Pose, SetPoint
 from sim.indoor.flight.reward import CRASH_REWARD, CRASH_THRESHOLD, windowed
 from sim.indoor.geometry.collision import sweep
 from sim.indoor.geometry.mesh import Doubles, Floats, Mesh, merge
-from sim.indoor.render.camera import Camera, look
+from sim.indoor.render.camera import Camera, look, somewhere
 from sim.indoor.render.raster import Canvas, Flags, canvas
 from sim.indoor.render.shade import Picture
 
@@ -32,6 +35,7 @@ YAW_STEP = float(np.radians(80 / 1.5 / GRID))
 PITCH_STEP = float(np.radians(45 / 1.5 / GRID))
 NOISE = 1 / 6  # of a step, either way
 ADVANCE = 0.4  # m a step
+LUCK = 1 << 24  # seeds of a body: as many as a float32 of a MAVLink command tells apart
 RADIUS = 0.25  # m, of the sphere that is the drone; a guess: PEDRA's drone is about 0.5 m across
 
 
@@ -54,7 +58,17 @@ class Seen(NamedTuple):
     depth: Floats  # (n, H, W) [m]
     reward: Doubles  # (n,)
     touched: Flags  # (n,) the sphere meets a surface
-    crashed: Flags  # (n,) touched, or too near
+    crashed: Flags  # (n,) touched, too near, or outside the world
+
+
+@compiled
+def outside(mesh: Mesh, world: int, pose: Doubles) -> bool:
+    """Whether a place is beyond the box around a world.  True for NaN."""
+    root = mesh.root[world]
+    for axis in range(3):
+        if not mesh.box[root, axis] <= pose[axis] <= mesh.box[root, axis + 3]:
+            return True
+    return False
 
 
 @compiled
@@ -94,7 +108,8 @@ def step(
                 after[i, axis] = before[i, axis] + share * move[axis]
         look(canvas, mesh, worlds[i], after[i], tangents, False, seen.rgb[i], seen.depth[i])
         reward = windowed(seen.depth[i])
-        seen.crashed[i] = seen.touched[i] or reward < CRASH_THRESHOLD
+        lost = outside(mesh, worlds[i], after[i]) or not somewhere(after[i])
+        seen.crashed[i] = seen.touched[i] or lost or reward < CRASH_THRESHOLD
         seen.reward[i] = CRASH_REWARD if seen.crashed[i] else reward
 
 
@@ -105,13 +120,14 @@ class Flights:
         self, scenes: Sequence[Scene], camera: Camera, bodies: Sequence[Body] | None = None
     ) -> None:
         """One flight a scene; without bodies all drones are kinematic."""
-        different = list({id(scene): scene for scene in scenes}.values())
-        self.mesh = merge([scene.mesh for scene in different])
+        different = {id(scene): scene for scene in scenes}
+        place = {key: world for world, key in enumerate(different)}
+        self.mesh = merge([scene.mesh for scene in different.values()])
         self.scenes = list(scenes)
         self.camera = camera
         self.bodies = bodies
         count, shape = len(scenes), (camera.height, camera.width)
-        self.worlds = np.array([different.index(scene) for scene in scenes], np.int64)
+        self.worlds = np.array([place[id(scene)] for scene in scenes], np.int64)
         self.pose: Doubles = np.zeros((count, 6))  # x, y, z [m, NED], roll, pitch, yaw [rad]
         self.distance: Doubles = np.zeros(count)  # m flown horizontally
         self.steps = np.zeros(count, np.int64)
@@ -124,13 +140,18 @@ class Flights:
         self._noise: Doubles = np.zeros((count, 2))
 
     def begin(self, i: int, random: np.random.Generator, pose: Doubles | None = None) -> None:
-        """Start flight `i` anew, at `pose` or at one of its scene's starts, and look around."""
+        """Start flight `i` anew, at `pose` or at one of its scene's starts, and look around.
+
+        Raises:
+            PoseError: the pose, or what the body reports, is none.
+        """
         if pose is None:
             starts = self.scenes[i].starts
             pose = starts[random.integers(len(starts))]
         if self.bodies is not None:
-            self.bodies[i].place(Pose(*(float(value) for value in pose)))
-            pose = np.array(self.bodies[i].pose)
+            luck = int(random.integers(LUCK))  # the body's own chance follows the flight's seed
+            self.bodies[i].place(Pose(*(float(value) for value in pose)), luck)
+            pose = checked_pose(self.bodies[i].pose, f"the report of body {i}")
         self.pose[i] = pose
         self.distance[i], self.steps[i] = 0.0, 0
         look(
@@ -145,7 +166,16 @@ class Flights:
         )
 
     def step(self, actions: npt.NDArray[np.int64], randoms: Sequence[np.random.Generator]) -> None:
-        """One step of every flight."""
+        """One step of every flight.
+
+        Raises:
+            ValueError: an action is none.
+            PoseError: a body reports a pose that is none.
+        """
+        if actions.shape != (len(randoms),) or actions.dtype.kind not in "iu":
+            raise ValueError(f"actions {actions}: expected {len(randoms)} whole numbers")
+        if wrong := [int(action) for action in actions if not 0 <= action < ACTIONS]:
+            raise ValueError(f"action {wrong[0]}: expected 0 to {ACTIONS - 1}")
         for i, random in enumerate(randoms):
             self._noise[i] = random.uniform(-1.0, 1.0, 2)
         before = self.pose.copy()
@@ -156,7 +186,7 @@ class Flights:
                 body.head_for(SetPoint(*(float(value) for value in target)))
             for i, body in enumerate(self.bodies):
                 body.arrive()
-                self.pose[i] = body.pose
+                self.pose[i] = checked_pose(body.pose, f"the report of body {i}")
         step(
             self._canvas,
             self.mesh,

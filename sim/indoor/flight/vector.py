@@ -1,6 +1,6 @@
 """Many drones at once: ``gymnasium.make_vec("sim:IndoorFlight-v0", num_envs=16, ...)``."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,9 +10,10 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from sim.indoor.content.naming import join
 from sim.indoor.content.scene import load
 from sim.indoor.flight.body import Body, make_bodies
-from sim.indoor.flight.env import RENDER, start_pose
+from sim.indoor.flight.env import RENDER, checked_mode, checked_steps, start_pose
 from sim.indoor.flight.flights import ACTIONS, Flights
 from sim.indoor.geometry.mesh import Doubles, Floats
 from sim.indoor.render.camera import Camera, Renderer
@@ -32,7 +33,8 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
     arrays that ``step`` returns are yours to keep.  ``depth`` (n, H, W) is that of the observation,
     and is overwritten.
 
-    ``body``: as there, or a sequence of one ``Body`` a flight.
+    ``body``: as there, or a sequence of one ``Body`` a flight.  ``max_episode_steps``: Gymnasium's
+    name of ``max_steps``; ``gymnasium.make`` cuts single flights by it.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium declares it so)
@@ -48,16 +50,22 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
         body: str | Sequence[Body] = "kinematic",
         *,
         body_options: dict[str, Any] | None = None,
+        scene_options: Mapping[str, Any] | None = None,
         max_steps: int | None = None,
+        max_episode_steps: int | None = None,
         camera: Camera | None = None,
         render_mode: str | None = None,
     ) -> None:
+        if max_steps is not None and max_episode_steps is not None:
+            raise ValueError("max_steps and max_episode_steps: expected one of them")
         self.num_envs = num_envs
-        self.render_mode = render_mode
-        self.max_steps = max_steps
+        self.render_mode = checked_mode(render_mode)
+        self.max_steps = checked_steps(max_steps if max_steps is not None else max_episode_steps)
         self.camera = camera or Camera()
-        names = [scene] if isinstance(scene, str) else list(scene)
-        scenes = [load(names[i % len(names)]) for i in range(num_envs)]
+        given = [scene] if isinstance(scene, str) else scene
+        names = [join(name, scene_options) for name in given]
+        loaded = {name: load(name) for name in names}
+        scenes = [loaded[names[i % len(names)]] for i in range(num_envs)]
         self._bodies = make_bodies(body, scenes, body_options)
         self._flights = Flights(scenes, self.camera, self._bodies)
         self._random = [seeding.np_random(None)[0] for _ in range(num_envs)]
@@ -125,7 +133,7 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
         """One step of every flight; those that end begin again."""
         flights = self._flights
         flights.fresh_pictures()
-        flights.step(np.asarray(actions, np.int64), self._random)
+        flights.step(np.asarray(actions), self._random)
         rewards, crashed = flights.reward.copy(), flights.crashed.copy()
         late = np.zeros(self.num_envs, np.bool_)
         if self.max_steps is not None:
@@ -148,8 +156,9 @@ class IndoorFlights(VectorEnv[Observations, Actions, npt.NDArray[Any]]):
             return None
         views = []
         for i, scene in enumerate(self._flights.scenes):
-            renderer = self._renderers.setdefault(scene.name, Renderer(scene.mesh, RENDER))
-            views.append(renderer.look(self._flights.pose[i]).rgb)
+            if scene.name not in self._renderers:
+                self._renderers[scene.name] = Renderer(scene.mesh, RENDER)
+            views.append(self._renderers[scene.name].look(self._flights.pose[i]).rgb)
         return tuple(views)
 
     def close_extras(self, **kwargs: Any) -> None:

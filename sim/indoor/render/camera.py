@@ -13,6 +13,9 @@ number of pixels.  PEDRA's picture of 320 x 180 with 80 degrees (50.5 vertically
 
 Depth is the distance along the optical axis (AirSim calls it planar), not along the ray; it is
 `inf` where nothing is.
+
+No number crashes a kernel: from a pose that is not finite, or farther than `FAR` from the origin,
+nothing is seen.  Who asks for such a pose is told so where it enters (`sim.indoor.errors.checked`).
 """
 
 from collections.abc import Sequence
@@ -22,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim.indoor.compiled import compiled
+from sim.indoor.errors import FAR, checked_pose
 from sim.indoor.geometry.mesh import Doubles, Floats, Mesh
 from sim.indoor.render.raster import Canvas, canvas, see
 from sim.indoor.render.shade import Picture, shade
@@ -36,11 +40,23 @@ class Camera:
     hfov: float = float(np.radians(80.0))  # rad
     aspect: float = 320 / 180  # of the scene seen, not of the number of pixels
 
+    def __post_init__(self) -> None:
+        for name, pixels in (("height", self.height), ("width", self.width)):
+            if not 1 <= pixels <= MOST_PIXELS:
+                raise ValueError(f"camera.{name} = {pixels}: expected 1 to {MOST_PIXELS} pixels")
+        if not 1e-3 <= self.hfov <= np.pi - 1e-3:
+            raise ValueError(f"camera.hfov = {self.hfov}: expected more than 0, less than pi rad")
+        if not 1e-2 <= self.aspect <= 1e2:
+            raise ValueError(f"camera.aspect = {self.aspect}: expected 0.01 to 100")
+
     @property
     def tangents(self) -> tuple[float, float]:
         """Half the picture's width and height, one metre ahead [m]."""
         across = float(np.tan(self.hfov / 2))
         return across, across / self.aspect
+
+
+MOST_PIXELS = 8192  # a side
 
 
 class View(NamedTuple):
@@ -86,6 +102,17 @@ def inverse(m: Doubles) -> Doubles:
 
 
 @compiled
+def somewhere(pose: Doubles) -> bool:
+    """Whether a pose is finite and within `FAR` of the origin.  False for NaN."""
+    inside = True
+    for axis in range(3):
+        inside &= abs(pose[axis]) <= FAR
+    for axis in range(3, 6):
+        inside &= abs(pose[axis]) < np.inf
+    return inside
+
+
+@compiled
 def look(
     canvas: Canvas,
     mesh: Mesh,
@@ -97,6 +124,10 @@ def look(
     depth: Floats,
 ) -> None:
     """Render the view from `pose` into `rgb` and `depth`."""
+    if not somewhere(pose):
+        rgb[:] = 0
+        depth[:] = np.inf
+        return
     world_from_pixel = rays(pose, depth.shape[0], depth.shape[1], tangents)
     pixel_from_world = inverse(world_from_pixel)
     eye = pose[:3]
@@ -113,9 +144,13 @@ class Renderer:
         self._canvas = canvas(camera.height, camera.width, mesh.triangles)
 
     def look(self, pose: Sequence[float] | Doubles, world: int = 0) -> View:
-        """What is seen from x, y, z [m, NED], roll, pitch, yaw [rad]."""
+        """What is seen from x, y, z [m, NED], roll, pitch, yaw [rad].
+
+        Raises:
+            PoseError: the pose is none.
+        """
         rgb = np.empty((self.camera.height, self.camera.width, 3), np.uint8)
         depth = np.empty((self.camera.height, self.camera.width), np.float32)
-        place = np.asarray(pose, np.float64)
+        place = checked_pose(pose, "pose")
         look(self._canvas, self.mesh, world, place, self.camera.tangents, self.smooth, rgb, depth)
         return View(rgb, depth)

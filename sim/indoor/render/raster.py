@@ -251,12 +251,13 @@ def _draw(
 
     drawn = False
     q0 = np.float32(p0)
-    first, last = max(first, -1.0), min(last, height + 0.0)  # int() of the huge is undefined
+    if not 0.0 <= first <= last <= height - 1.0:  # also where an edge is NaN: no int() of that
+        return False
     for row in range(int(first), int(last) + 1):
         yf = float(row)
         left = np.ceil(max(limit_l, ls0 * yf + lk0, ls1 * yf + lk1, ls2 * yf + lk2))
         right = np.floor(min(limit_r, rs0 * yf + rk0, rs1 * yf + rk1, rs2 * yf + rk2))
-        if not left <= right:
+        if not limit_l <= left <= right <= limit_r:  # also where one is NaN
             continue
         base = np.float32(p1 * yf + p2)
         for column in range(int(left), int(right) + 1):

@@ -9,17 +9,20 @@ import pytest
 import trimesh as untyped_trimesh
 
 from sim.indoor.content import userfile
+from sim.indoor.content.naming import join
+from sim.indoor.content.scene import load
 from sim.indoor.errors import SceneError
 from sim.indoor.geometry.collision import clearance
+from sim.indoor.geometry.flood import free_edges
 from sim.indoor.render.camera import Camera, Renderer
 
 trimesh: Any = untyped_trimesh
 PLAN_FROM_Y_UP = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
 
 
-def hall(lid: bool = True) -> Any:
+def hall(lid: bool = True, length: float = 12.0) -> Any:
     """A hall of 12 x 8 x 3 m, z up, x east, with a block in it; without its lid it is open."""
-    shell = trimesh.creation.box(bounds=[[0, 0, 0], [12, 8, 3]])
+    shell = trimesh.creation.box(bounds=[[0, 0, 0], [length, 8, 3]])
     if not lid:
         shell.update_faces(shell.triangles_center[:, 2] < 2.9)
     return trimesh.util.concatenate([shell, trimesh.creation.box(bounds=[[5, 3, 0], [7, 5, 2]])])
@@ -96,10 +99,67 @@ def test_files_are_lit_whichever_way_they_are_wound(
 def test_given_starts(tmp_path: Path) -> None:
     path = tmp_path / "hall.ply"
     hall().export(path)
-    scene = userfile.read(str(path), starts=[(1.0, 6.0, -1.5, 0.5)], lit=False)
+    scene = load(f"{path}?starts=1,6,-1.5,0.5", lit=False)
     assert scene.starts == pytest.approx(np.array([[1.0, 6.0, -1.5, 0, 0, 0.5]]))
-    with pytest.raises(SceneError, match="not closed around the start at"):
-        userfile.read(str(path), starts=[(1.0, 20.0, -1.5, 0.5)], lit=False)
+    assert join(str(path), {"starts": [(1, 6, -1.5, 0.5)]}) == f"{path}?starts=1.0,6.0,-1.5,0.5"
+    with pytest.raises(SceneError, match=r"the start at \(1.0, 20.0, -1.5\) lies outside"):
+        load(f"{path}?starts=1,20,-1.5,0.5", lit=False)
+
+
+def window(side: float) -> Any:
+    """The hall with a square hole in its north wall, around x (east) 3 m, 1.5 m above the floor."""
+    mesh = hall()
+    for _ in range(5):
+        mesh = mesh.subdivide()
+    east, north, up = mesh.triangles_center.T
+    hole = (abs(east - 3) < side / 2) & (abs(up - 1.5) < side / 2) & (north > 7.9)
+    mesh.update_faces(~hole)
+    return mesh
+
+
+def test_a_hole_is_found_and_can_be_allowed_by_name(tmp_path: Path) -> None:
+    """A flight through it ends as a crash where the world ends; it earned 1000 before."""
+    path = tmp_path / "window.ply"
+    window(1.0).export(path)
+    line = refusal(path)
+    assert "is not closed: a flight from" in line and f"or say {path}?open" in line
+    place = line.partition("leaves it near (")[2].partition(")")[0]
+    assert np.array(place.split(", "), float) == pytest.approx([8, 3, -1.5], abs=1.0)
+    env = gymnasium.make("sim:IndoorFlight-v0", scene=str(path), scene_options={"open": True})
+    env.reset(seed=0, options={"pose": (6.0, 3.0, -1.5, 0.0)})
+    crashed, steps = False, 0
+    while not crashed:
+        _, reward, crashed, _, info = env.step(12)
+        steps += 1
+        assert steps < 10
+    assert reward == -1.0 and not info["touched"]
+    assert 8.0 < info["pose"][0] < 8.5
+
+
+def test_walls_that_are_not_welded_close_a_world_too(tmp_path: Path) -> None:
+    """One wall in finer pieces than the floor it stands on: free edges, and no hole."""
+    shell = trimesh.creation.box(bounds=[[0, 0, 0], [12, 8, 3]])
+    north = shell.triangles_center[:, 1] > 7.9
+    wall = shell.submesh([north], append=True).subdivide().subdivide()
+    shell.update_faces(~north)
+    trimesh.util.concatenate([shell, wall]).export(tmp_path / "hall.ply")
+    scene = userfile.read(str(tmp_path / "hall.ply"), lit=False)
+    assert len(scene.starts) and len(free_edges(scene.mesh))
+
+
+@pytest.mark.parametrize(
+    ("query", "said"),
+    [
+        ("shut", 'unknown option "shut"'),
+        ("open=maybe", "open = 'maybe', expected true or false"),
+        ("starts=1,2", "expected x,y,z,yaw"),
+        ("starts=1,2,-1,nan", "a start: yaw = nan: expected a finite number"),
+    ],
+)
+def test_options_in_a_name_are_checked(tmp_path: Path, query: str, said: str) -> None:
+    hall().export(tmp_path / "hall.ply")
+    with pytest.raises(ValueError, match=said):
+        load(f"{tmp_path / 'hall.ply'}?{query}", lit=False)
 
 
 def refusal(path: Path) -> str:

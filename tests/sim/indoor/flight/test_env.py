@@ -1,5 +1,6 @@
 """The environments: Gymnasium's own checks, hand numbers of the motion, single against vector."""
 
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -8,8 +9,12 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 
+from sim.indoor.errors import PoseError
 from sim.indoor.flight.body import Body, KinematicBody, Pose, SetPoint
+from sim.indoor.flight.env import IndoorFlight
 from sim.indoor.flight.flights import PITCH_STEP, YAW_STEP, aim
+from sim.indoor.render.camera import Camera, Renderer
+from tests.sim.indoor.content.test_userfile import hall
 
 SCENE = "indoor-pyramid"
 ID = "sim:IndoorFlight-v0"
@@ -165,9 +170,10 @@ class Drifting:
         self.pose = Pose(0, 0, 0)
         self.steps = 0
         self.closed = False
+        self.seed = 0
 
-    def place(self, pose: Pose) -> None:
-        self.pose = pose
+    def place(self, pose: Pose, seed: int) -> None:
+        self.pose, self.seed = pose, seed
 
     def head_for(self, target: SetPoint) -> None:
         x, y = (0.25 * a + 0.75 * b for a, b in zip(self.pose[:2], target[:2], strict=True))
@@ -207,6 +213,116 @@ def test_a_named_kinematic_body_is_the_built_in_one() -> None:
         make(body_options={"step": 0.4})
     with pytest.raises(ValueError, match='flavour "paper": expected one of px4, ardupilot'):
         make(body="mavlink", body_options={"flavour": "paper"})
+
+
+def test_what_is_chance_in_a_body_follows_the_seed() -> None:
+    body = Drifting()
+    env = make(body=body)
+    seeds = []
+    for seed in (5, 5, 6):
+        env.reset(seed=seed)
+        seeds.append(body.seed)
+    assert seeds[0] == seeds[1] != seeds[2]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"pose": (np.nan, 1.0, -1.5, 0.0)}, r'options\["pose"\]: x = nan: expected a finite'),
+        ({"pose": (2.5, 4.0, -1.5, np.inf)}, "yaw = inf: expected a finite number"),
+        ({"pose": (1e30, 1.0, -1.5, 0.0)}, "expected at most 1e"),
+        ({"pose": (1.0, 1.0)}, "expected x, y, z, yaw"),
+        ({"start": 77}, r'options\["start"\] = 77: expected 0 to'),
+        ({"start": -1}, r'options\["start"\] = -1: expected 0 to'),
+        ({"stat": 1}, 'reset option "stat": expected "pose" or "start"'),
+    ],
+)
+def test_wrong_reset_options(options: dict[str, Any], said: str) -> None:
+    for env in (make(), make_vec(2)):
+        with pytest.raises(ValueError, match=said):
+            env.reset(seed=0, options=options)
+
+
+class Ill(Drifting):
+    """A body whose estimator has failed."""
+
+    def head_for(self, target: SetPoint) -> None:
+        self.pose = Pose(np.nan, np.nan, np.nan)
+
+
+def test_a_body_that_reports_no_numbers_is_named() -> None:
+    env = make(body=Ill())
+    env.reset(seed=0)
+    with pytest.raises(PoseError, match="the report of body 0: x = nan: expected a finite number"):
+        env.step(12)
+
+
+@pytest.mark.parametrize("action", [25, 999, -7])
+def test_an_action_that_is_none(action: int) -> None:
+    env, vector = make(), make_vec(2)
+    env.reset(seed=0), vector.reset(seed=0)
+    with pytest.raises(ValueError, match=f"action {action}: expected 0 to 24"):
+        env.step(action)
+    with pytest.raises(ValueError, match=f"action {action}: expected 0 to 24"):
+        vector.step(np.array([12, action]))
+    with pytest.raises(ValueError, match="expected 2 whole numbers"):
+        vector.step(np.array([12.0, 12.5]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"render_mode": "human"}, "render_mode = 'human': expected"),
+        ({"max_steps": 0}, "max_steps = 0: expected a whole number from 1 on"),
+        ({"max_steps": 2.5}, "max_steps = 2.5: expected a whole number from 1 on"),
+    ],
+)
+def test_arguments_that_are_none(arguments: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        IndoorFlight(SCENE, **arguments)
+    with pytest.raises(ValueError, match=said):
+        make_vec(2, **arguments)
+
+
+@pytest.mark.parametrize("field", [{"height": 0}, {"hfov": float("nan")}, {"aspect": 0.0}])
+def test_a_camera_that_sees_nothing(field: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"camera.{next(iter(field))} = "):
+        Camera(**field)
+
+
+def test_gymnasiums_name_of_the_time_limit() -> None:
+    vector = make_vec(1, max_episode_steps=2)
+    vector.reset(seed=0, options={"start": 0})
+    assert [bool(vector.step(np.array([12]))[3][0]) for _ in range(2)] == [False, True]
+    with pytest.raises(ValueError, match="expected one of them"):
+        make_vec(2, max_steps=3, max_episode_steps=3)
+
+
+def test_more_worlds_than_the_cache_keeps(tmp_path: Path) -> None:
+    """Ten files dealt out to twelve flights: each is read once, and each flight is in its own."""
+    names = []
+    for k in range(10):
+        names.append(str(tmp_path / f"hall{k}.ply"))
+        hall(length=12.0 + k).export(names[-1])
+    flights = make_vec(12, scene=names)._flights
+    assert flights.mesh.triangles == 10 * hall().faces.shape[0]
+    assert list(flights.worlds) == [*range(10), 0, 1]
+    assert flights.scenes[10] is flights.scenes[0]
+
+
+def test_a_renderer_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    built = []
+    init = Renderer.__init__
+
+    def counted(self: Renderer, *args: Any, **kwargs: Any) -> None:
+        built.append(self)
+        init(self, *args, **kwargs)
+
+    vector = make_vec(2, render_mode="rgb_array")
+    vector.reset(seed=0)
+    monkeypatch.setattr(Renderer, "__init__", counted)
+    vector.render(), vector.render()
+    assert len(built) == 1
 
 
 def test_rendering() -> None:
