@@ -105,6 +105,11 @@ def at_most(what: str, ours: float, limit: float, paper: str = "") -> Claim:
     return Claim(what, paper, f"<= {limit:.3g}", f"{ours:.3g}", bool(ours <= limit))
 
 
+def noted(claim: Claim) -> Claim:
+    """The claim as a mere observation, where a shorter study cannot be expected to keep it."""
+    return msgspec.structs.replace(claim, corrected="", holds=True)
+
+
 def publish(name: str, study: Study, options: Options, as_json: bool, console: Console) -> bool:
     """Run a study, print and keep what it found.
 

@@ -13,7 +13,7 @@ import numpy as np
 from agent.config.experiment import StartMixing, SwarmFile
 from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
-from deploy.reproduce.claims import Claim, Findings, Options
+from deploy.reproduce.claims import Claim, Findings, Options, noted
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import simulate_together
 from sim.tabular.gridworld import LAYOUTS
@@ -90,7 +90,8 @@ def _claim(
     elif defence == "plain":
         required, holds = "fails", max(solved) < n_tasks
     text = f"{min(solved)} of {n_tasks} solved; V/V* {np.mean(worth):.3f}"
-    return Claim(f"attack: {attack}; {defence}", "", required, text, holds or quick)
+    claim = Claim(f"attack: {attack}; {defence}", "", required, text, holds)
+    return noted(claim) if quick else claim
 
 
 def _draw(options: Options, shares: dict[str, list[float]]) -> Any:

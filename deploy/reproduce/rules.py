@@ -19,7 +19,7 @@ from agent.learning.estimators import Exact
 from agent.learning.optimizers import Sgd
 from deploy.policies.scoring import Referee
 from deploy.reproduce import figures
-from deploy.reproduce.claims import Claim, Findings, Options, bounded
+from deploy.reproduce.claims import Claim, Findings, Options, bounded, noted
 from deploy.reproduce.settings import grid_swarm
 from deploy.simulate.simulator import Vectors, simulate, simulate_together
 from sim.tabular.mdp import Floats
@@ -71,9 +71,7 @@ def study(options: Options) -> Findings:
         for rule in RULES
     ]  # fmt: skip
     if options.quick:  # a smaller ring has less of a bias: show, do not judge
-        claims = [
-            msgspec.structs.replace(c, corrected=f"{c.corrected} (64)", holds=True) for c in claims
-        ]
+        claims = [noted(claim) for claim in claims]
     many, scale = _many(options)
     data: dict[str, Any] = {
         "worst_agent": worst, "curves": curves, "by_place": places,

@@ -8,8 +8,19 @@ from typer.testing import CliRunner
 
 from deploy.cli import main as cli
 from deploy.cli import reproduce
-from deploy.reproduce import examples
-from deploy.reproduce.claims import Claim, Findings, Options, at_most, bounded, close, markdown
+from deploy.reproduce import examples, theorem2
+from deploy.reproduce.claims import (
+    Claim,
+    Findings,
+    Options,
+    at_most,
+    bounded,
+    close,
+    markdown,
+    noted,
+)
+from deploy.simulate import simulate
+from sim.tabular.chain import S3
 from swarm.errors import SwarmError
 
 ROOT = Path(__file__).parents[3]
@@ -52,6 +63,27 @@ def test_corrected_numbers_of_the_appendix(p: float) -> None:
     assert examples.pure_value(p, gamma) == pytest.approx(pure, abs=1e-12)
     even = 2 * math.sqrt(2) * (1 - 2 * p) / 3
     assert examples.even_value(p, gamma) == pytest.approx(even, abs=1e-12)
+
+
+@pytest.mark.parametrize("tilt", [-0.2, 0.05, 0.2])
+def test_the_trap_of_theorem_2_attracts_from_both_sides(tilt: float) -> None:
+    step = theorem2.BEYOND * examples.critical_step(0.75, theorem2.GAMMA)
+    config = examples.trap_swarm("dcpg", step, 300, 0.75, theorem2.GAMMA)
+    start = np.zeros((2, 10))
+    start[:, 2 * S3] = tilt
+    theta = simulate(config, initial=start).thetas.mean(axis=0)
+    assert theta[2 * S3] - theta[2 * S3 + 1] == pytest.approx(0, abs=1e-6)
+
+
+def test_the_chain_of_theorem_2_is_judged_by_derivatives() -> None:
+    claims = theorem2.chain()
+    assert all(claim.holds for claim in claims)
+    assert len(claims) == 3
+
+
+def test_a_short_study_does_not_claim_what_it_does_not_keep() -> None:
+    claim = noted(bounded("x", 1.0, high=0.5))
+    assert (claim.mark, claim.holds, claim.ours) == ("", True, "1.000")
 
 
 def test_claims_judge() -> None:
