@@ -1,4 +1,4 @@
-"""The commands about single drones: ``swarm vehicle`` and ``swarm fly``."""
+"""The commands about drones and their worlds: ``swarm vehicle``, ``fly`` and ``worlds``."""
 
 import sys
 from pathlib import Path
@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from deploy.cli.mistakes import plain_errors
+from deploy.cli.options import AsJson, OneAgent, Scenes, Seed
 from deploy.process.signals import stop_on_signals
 from swarm.errors import ConfigError
 
@@ -46,9 +48,12 @@ def vehicle(
         str | None, typer.Option(metavar="N,E[,GUSTS]", help="Wind [m/s], north and east.")
     ] = None,
     noise: Annotated[bool, typer.Option("--noise", help="Imperfect sensors.")] = False,
-    seed: Annotated[int, typer.Option(help="Of gusts and noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of gusts and noise.")] = 0,
 ) -> None:
-    """Run one simulated vehicle that speaks MAVLink; SIGTERM or Ctrl-C ends it."""
+    """Run one simulated vehicle that speaks MAVLink.
+
+    SIGTERM or Ctrl-C ends it.
+    """
     from deploy.flying.vehicle import fly, read_key, read_wind  # noqa: PLC0415
     from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
     from sim.vehicle.quadrotor import NOISY, Noise, Weather  # noqa: PLC0415
@@ -56,7 +61,7 @@ def vehicle(
 
     if flavour not in FLAVOURS:
         raise ConfigError(f'flavour "{flavour}": expected one of {", ".join(FLAVOURS)}')
-    try:
+    with plain_errors():
         options = Options(
             port=port,
             system=sysid,
@@ -73,8 +78,6 @@ def vehicle(
             scene=scene,
             start=start,
         )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
     fly(options, stop_on_signals())
 
 
@@ -105,14 +108,12 @@ def fly(
         int | None,
         typer.Option(min=1, help="In each world, default 16; with --vehicle default until Ctrl-C."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
-    json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
-    agent: Annotated[
-        str | None,
-        typer.Option(metavar="ID", help="RUN: one agent's parameters, not the mean of all."),
-    ] = None,
-    dice: Annotated[
-        bool, typer.Option("--dice", help="RUN: draw actions as in training, not the likeliest.")
+    seed: Seed = 0,
+    json: AsJson = False,
+    agent: OneAgent = None,
+    stochastic: Annotated[
+        bool,
+        typer.Option("--stochastic", help="RUN: draw actions as in training, not the likeliest."),
     ] = False,
     start: Annotated[
         int, typer.Option(min=0, help="--vehicle: its local origin is below this start pose.")
@@ -131,11 +132,11 @@ def fly(
         typer.Option(metavar="DIR", help="--vehicle: of the recordings; default in RUN/flights."),
     ] = None,
 ) -> None:
-    """Fly a drone by what was learned, landing on Ctrl-C; or measure hand-made pilots.
+    """Fly a drone by what was learned; or measure hand-made pilots.
 
     With --vehicle the drone takes off and flies in a virtual world, by the policy of RUN or by a
-    hand-made pilot.  Without, hand-made pilots fly the worlds and their mean safe flight [m] is
-    printed; for that of a learned policy see "swarm eval".
+    hand-made pilot; Ctrl-C lands it.  Without, hand-made pilots fly the worlds and their mean safe
+    flight [m] is printed; for that of a learned policy see "swarm eval".
     """
     from sim.indoor.content.scenes import NAMES  # noqa: PLC0415
 
@@ -144,10 +145,8 @@ def fly(
     if vehicle is None:
         from deploy.flying.measure import fly as start_measuring  # noqa: PLC0415
 
-        try:
+        with plain_errors():
             start_measuring(pilot or "greedy", scenes or NAMES, flights or 16, seed, as_json=json)
-        except (ValueError, OSError) as error:
-            raise ConfigError(str(error)) from None
         return
     from agent.vehicle import Limits  # noqa: PLC0415
     from deploy.flying.flight import Plan, folder_of, handmade, learned, report  # noqa: PLC0415
@@ -156,7 +155,7 @@ def fly(
 
     if scenes is not None and len(scenes) != 1:
         raise ConfigError(f"{len(scenes)} worlds for one drone: expected one --scene")
-    try:
+    with plain_errors():
         plan = Plan(
             vehicle=vehicle,
             folder=out or folder_of(source),
@@ -169,11 +168,28 @@ def fly(
             key=read_key(signing_key) if signing_key is not None else None,
             limits=Limits(fence=fence, battery=battery),
         )
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
     if source is None:
         decide = handmade(pilot or "greedy", seed)
     else:
-        decide = learned(source, agent, greedy=not dice, seed=seed)
+        decide = learned(source, agent, greedy=not stochastic, seed=seed)
     summary = start_flying(plan, decide, lambda line: print(line, file=sys.stderr, flush=True))
     report(summary, plan.folder, json)
+
+
+@app.command()
+def worlds(
+    scenes: Scenes = None,
+    sheet: Annotated[
+        Path | None, typer.Option(metavar="FILE.png", help="Write a contact sheet.")
+    ] = None,
+    width: Annotated[int | None, typer.Option(min=100, help="Of the sheet [pixels].")] = None,
+) -> None:
+    """Show the indoor worlds.
+
+    A table, and with --sheet their plans and views as a picture.
+    """
+    from deploy.flying.sheet import worlds as show  # noqa: PLC0415
+    from sim.indoor.content.scenes import NAMES  # noqa: PLC0415
+
+    with plain_errors():
+        show(scenes or NAMES, sheet, width)

@@ -1,46 +1,33 @@
 """The commands about what was learned: ``swarm eval`` and ``swarm export``."""
 
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from deploy.cli.options import AsJson, OneAgent, Policy, Seed
+
 app = typer.Typer()
-
-
-class Form(StrEnum):
-    """What a policy can be written as."""
-
-    SAFETENSORS = "safetensors"
-    ONNX = "onnx"
-
-
-Source = Annotated[
-    Path,
-    typer.Argument(metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False),
-]
-OneAgent = Annotated[
-    str | None, typer.Option(metavar="ID", help="Fly one agent's parameters, not the mean of all.")
-]
-AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command("eval")
 def evaluate(
-    source: Source,
+    source: Policy,
     agent: OneAgent = None,
     scenes: Annotated[
         list[str] | None,
         typer.Option("--scene", metavar="NAME", help="World; repeatable; default: all."),
     ] = None,
     flights: Annotated[int, typer.Option(min=1, help="Flights in each world and mode.")] = 100,
-    seed: Annotated[int, typer.Option(min=0)] = 0,
+    seed: Seed = 0,
     jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: one per core.")] = 0,
     json: AsJson = False,
 ) -> None:
-    """Fly a learned policy in every world, greedily and by its dice; also writes RUN/eval.json."""
+    """Fly a learned policy in every world; print how far.
+
+    Greedily and stochastically; RUN/eval.json is written, too.
+    """
     import msgspec  # noqa: PLC0415
 
     from agent.storage.runfolder import RunFolder  # noqa: PLC0415
@@ -58,24 +45,25 @@ def evaluate(
 
 @app.command()
 def export(
-    source: Source,
+    source: Policy,
     agent: OneAgent = None,
     form: Annotated[
-        Form, typer.Option("--format", help="safetensors for us, onnx for everybody.")
-    ] = Form.SAFETENSORS,
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="safetensors|onnx",
+            help="For us, or for everybody; default: as FILE ends, else safetensors.",
+        ),
+    ] = None,
     to: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Default: RUN/policy.FORMAT.")
     ] = None,
 ) -> None:
-    """Write the learned policy as one file: pictures in, action preferences out."""
-    from agent.learning.pilot import Pilot  # noqa: PLC0415
-    from deploy.policies.export import write_onnx  # noqa: PLC0415
+    """Write the learned policy as one file.
 
-    pilot = Pilot.load(source, agent)
-    folder = source if source.is_dir() else source.parent
-    path = to or folder / f"policy.{form.value}"
-    if form is Form.ONNX:
-        write_onnx(pilot, path)
-    else:
-        pilot.save(path)
+    Observations in, action preferences out.
+    """
+    from deploy.policies.export import destination, export  # noqa: PLC0415
+
+    path = export(source, agent, *destination(source, form, to))
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")

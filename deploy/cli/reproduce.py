@@ -18,7 +18,7 @@ from deploy.reproduce.claims import Findings, Options, Study, publish
 from swarm.errors import SwarmError
 
 app = typer.Typer(
-    help="Print the paper's theory and grid worlds again, and what lies beyond the paper.",
+    help="Print the paper again, and what lies beyond it.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -119,7 +119,10 @@ def drones(
     out: Out = RESULTS,
     json: AsJson = False,
 ) -> None:
-    """The drone experiment: Table 1 and Fig. 3; hours.  Stopped, it goes on where it was."""
+    """The drone experiment: Table 1 and Fig. 3; hours.
+
+    Stopped, it goes on where it was.
+    """
     from deploy.reproduce.drones.record import Record, read  # noqa: PLC0415
     from deploy.reproduce.drones.runs import ESTIMATORS  # noqa: PLC0415
     from deploy.reproduce.drones.table import study  # noqa: PLC0415
@@ -175,7 +178,10 @@ def network(
     out: Out = RESULTS,
     json: AsJson = False,
 ) -> None:
-    """What every fault costs a swarm of real processes in network namespaces; needs root."""
+    """What every fault costs a swarm of real processes.
+
+    Every agent in a network namespace of its own; needs root.
+    """
     from deploy.reproduce.network import FAULTS, study  # noqa: PLC0415
 
     for name in fault or ():

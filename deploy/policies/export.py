@@ -6,6 +6,7 @@ argmax.  The arithmetic is float32, whatever the policy was trained with.
 """
 
 import logging
+import os
 import warnings
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from torch import Tensor, nn
 
 from agent.learning.pilot import Pilot
 from swarm.errors import ConfigError
+
+FORMATS = ("safetensors", "onnx")
 
 
 class _Logits(nn.Module):
@@ -29,33 +32,75 @@ class _Logits(nn.Module):
         return logits
 
 
+def destination(source: Path, form: str | None, to: Path | None) -> tuple[str, Path]:
+    """In which format, and where to.  Looks before anything takes its time.
+
+    Args:
+        source: run folder, or exported file.
+        form: one of :data:`FORMATS`; None: as ``to`` ends.
+        to: None: beside the source.
+
+    Raises:
+        ConfigError: there is no such format, the name ends as another one, or nothing can be
+            written there.
+    """
+    expected = " or ".join(FORMATS)
+    named = to.suffix.removeprefix(".") if to is not None else ""
+    form = form if form is not None else named or FORMATS[0]
+    if form not in FORMATS and named == form:
+        raise ConfigError(f'--to "{to}": expected a name that ends in .{" or .".join(FORMATS)}')
+    if form not in FORMATS:
+        raise ConfigError(f'--format "{form}": expected {expected}')
+    if named in FORMATS and named != form:
+        raise ConfigError(f'--to "{to}" with --format {form}: expected a name in .{form}')
+    if to is None:
+        to = (source if source.is_dir() else source.parent) / f"policy.{form}"
+    if to.is_dir():
+        raise ConfigError(f'--to "{to}" is a folder: expected the name of a file')
+    if not to.parent.is_dir():
+        raise ConfigError(f'--to "{to}": there is no folder "{to.parent}"')
+    if not os.access(to.parent, os.W_OK):
+        raise ConfigError(f'--to "{to}": nothing can be written in "{to.parent}"')
+    return form, to
+
+
+def export(source: Path, agent: str | None, form: str, path: Path) -> Path:
+    """Write the policy of ``source`` to ``path``; its path.
+
+    Raises:
+        ConfigError: no run folder, no such agent, a tabular run, or packages are missing.
+        CheckpointError: no checkpoint, or one that does not read.
+    """
+    pilot = Pilot.load(source, agent)
+    if form == "onnx":
+        write_onnx(pilot, path)
+    else:
+        pilot.save(path)
+    return path
+
+
 def write_onnx(pilot: Pilot, path: Path) -> None:
     """Write ``path``.
 
     Raises:
-        ConfigError: the packages of the extra ``onnx`` are missing.
+        ModuleNotFoundError: the packages of the extra ``onnx`` are missing.
     """
     policy = msgspec.structs.replace(pilot.form.policy, compute="float32", device="cpu")
     exact = Pilot(msgspec.structs.replace(pilot.form, policy=policy), pilot.theta)
     kind = torch.uint8 if pilot.form.dtype == "uint8" else torch.float32
     example = torch.zeros((2, *pilot.form.shape), dtype=kind)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it misses torchvision; we do not
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # of torch about torch
-            program = torch.onnx.export(
-                _Logits(exact.flat.network).eval(),
-                (example,),
-                input_names=["observations"],
-                output_names=["logits"],
-                dynamic_shapes=({0: torch.export.Dim("N")},),
-                dynamo=True,
-                verbose=False,
-            )
-    except ModuleNotFoundError as error:
-        raise ConfigError(
-            f'this needs {error.name}, which is not installed: pip install "dcpg-swarm[onnx]"'
-        ) from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)  # of torch about torch
+        program = torch.onnx.export(
+            _Logits(exact.flat.network).eval(),
+            (example,),
+            input_names=["observations"],
+            output_names=["logits"],
+            dynamic_shapes=({0: torch.export.Dim("N")},),
+            dynamo=True,
+            verbose=False,
+        )
     assert program is not None
     draft = path.with_suffix(".draft")
     program.save(draft, external_data=False)

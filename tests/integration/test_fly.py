@@ -81,7 +81,7 @@ def test_a_learned_policy_flies_until_ctrl_c(options: Options, tmp_path: Path) -
     random = np.random.default_rng(0)
     Pilot(form, (0.01 * random.standard_normal(size)).astype(np.float32)).save(policy)
     with swarm(
-        "fly", policy, "--dice", "--vehicle", connection(options), "--scene", SCENE,
+        "fly", policy, "--stochastic", "--vehicle", connection(options), "--scene", SCENE,
         "--out", folder, cwd=tmp_path,
     ) as command:  # fmt: skip
         command.says("in the air", PATIENT)

@@ -1,52 +1,66 @@
 """The command line without a network: help everywhere, one line for a mistake."""
 
 import json
-import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer.main
+
+from deploy.cli import main as cli
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "deploy" / "library" / "swarms" / "gridworld-a.toml"
-COMMANDS = [
-    "up", "agent", "status", "view", "topology", "reproduce", "doctor", "certs", "worlds", "fly",
-    "vehicle",
-]  # fmt: skip
+Run = Callable[..., tuple[int, str, str]]
 
 
-def swarm(*arguments: str | Path, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "deploy.cli", *map(str, arguments)],
-        cwd=cwd,
-        env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "200"},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+def commands() -> dict[str, Any]:
+    """Every command by its words."""
+    found: dict[str, Any] = {}
+
+    def walk(words: str, command: Any) -> None:
+        found[words] = command
+        for name, inner in getattr(command, "commands", {}).items():
+            walk(f"{words} {name}".strip(), inner)
+
+    walk("", typer.main.get_command(cli.app))
+    return found
 
 
-def test_help_names_every_command_and_each_has_its_own() -> None:
-    overview = swarm("--help").stdout
-    for command in COMMANDS:
-        assert command in overview
-        assert "Usage: " in swarm(command, "--help").stdout
+@pytest.mark.parametrize("words", commands())
+def test_help_is_whole_and_every_option_has_a_text(words: str, swarm: Run) -> None:
+    code, out, err = swarm(*words.split(), "--help")
+    assert (code, err) == (0, "")
+    assert f"Usage: swarm {words}".strip() in out
+    assert not [line for line in out.splitlines()[1:] if line.endswith("...")]
+    command = commands()[words]
+    assert command.help
+    for parameter in command.params:
+        assert getattr(parameter, "help", None), f"{words}: {parameter.name}"
 
 
-def test_topology_prints_w_and_its_spectrum() -> None:
-    printed = swarm("topology", FILE, "--set", 'topology={kind="complete"}', "--json")
-    summary = json.loads(printed.stdout)
+def test_the_version(swarm: Run) -> None:
+    assert swarm("--version") == (0, "swarm 0.1.0\n", "")
+
+
+def test_topology_prints_w_and_its_spectrum(swarm: Run) -> None:
+    _, out, _ = swarm("topology", FILE, "--set", 'topology={kind="complete"}', "--json")
+    summary = json.loads(out)
     assert len(summary["edges"]) == 6
     assert summary["W"][0] == pytest.approx([0.5] + [1 / 6] * 3)
     assert summary["spectrum"]["gap"] == pytest.approx(2 / 3)
-    assert "spectral gap 0.5000" in swarm("topology", FILE).stdout
+    assert "spectral gap 0.5000" in swarm("topology", FILE)[1]
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
+        (["up"], 2, "expected either FILE or --resume RUN"),
+        (["up", "--nope"], 2, "--nope"),
+        (["nope"], 2, "'nope'"),
         (["up", "missing.toml"], 2, '"missing.toml" does not exist'),
         (["up", FILE, "--set", "rounds=x"], 2, 'rounds = "x": expected int'),
         (["up", FILE, "--set", "agents.0.task.kwargs.layout=z"], 2, "expected one of a, b, c"),
@@ -64,15 +78,20 @@ def test_topology_prints_w_and_its_spectrum() -> None:
         (["fly", "--pilot", "ace"], 2, "ace"),
         (["fly", "--scene", "missing.glb"], 2, "missing.glb"),
         (["worlds", "--scene", "nowhere"], 2, "nowhere"),
+        (["export", "run", "--to", "/nodir/x.onnx"], 2, 'there is no folder "/nodir"'),
+        (["export", "run", "--to", "x.onnx", "--format", "safetensors"], 2, "a name in"),
+        (["export", "run", "--to", "x.pt"], 2, "ends in .safetensors or .onnx"),
+        (["export", "run", "--format", "pt"], 2, "expected safetensors or onnx"),
+        (["export", "run", "--to", "p.onnx"], 2, '"run" is not a run folder'),
     ],
 )
 def test_a_mistake_is_one_line_and_an_exit_code(
-    tmp_path: Path, arguments: list[str], code: int, words: str
+    tmp_path: Path, arguments: list[str], code: int, words: str, swarm: Run
 ) -> None:
-    done = swarm(*arguments, cwd=tmp_path)
-    assert done.returncode == code
-    assert words in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
+    ended, out, err = swarm(*arguments)
+    assert (ended, out) == (code, "")
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
     assert not list(tmp_path.iterdir())  # nothing was begun
 
 
