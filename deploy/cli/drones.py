@@ -1,6 +1,5 @@
 """The commands about drones and their worlds: ``swarm vehicle``, ``fly`` and ``worlds``."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -54,7 +53,7 @@ def vehicle(
 
     SIGTERM or Ctrl-C ends it.
     """
-    from deploy.flying.vehicle import fly, read_key, read_wind  # noqa: PLC0415
+    from deploy.flying.vehicle import read_key, read_wind, run_vehicle  # noqa: PLC0415
     from sim.vehicle.flavours import FLAVOURS  # noqa: PLC0415
     from sim.vehicle.quadrotor import NOISY, Noise, Weather  # noqa: PLC0415
     from sim.vehicle.server import Options  # noqa: PLC0415
@@ -78,7 +77,7 @@ def vehicle(
             scene=scene,
             start=start,
         )
-    fly(options, stop_on_signals())
+    run_vehicle(options, stop_on_signals())
 
 
 @app.command()
@@ -143,15 +142,22 @@ def fly(
     if source is not None and (pilot is not None or vehicle is None):
         raise ConfigError("RUN needs --vehicle and no --pilot: without a vehicle use swarm eval")
     if vehicle is None:
-        from deploy.flying.measure import fly as start_measuring  # noqa: PLC0415
+        from deploy.flying.measure import measure_pilot  # noqa: PLC0415
 
         with plain_errors():
-            start_measuring(pilot or "greedy", scenes or NAMES, flights or 16, seed, as_json=json)
+            measure_pilot(pilot or "greedy", scenes or NAMES, flights or 16, seed, as_json=json)
         return
     from agent.vehicle import Limits  # noqa: PLC0415
-    from deploy.flying.flight import Plan, folder_of, handmade, learned, report  # noqa: PLC0415
-    from deploy.flying.flight import fly as start_flying  # noqa: PLC0415
+    from deploy.flying.flight import (  # noqa: PLC0415
+        Plan,
+        fly_vehicle,
+        folder_of,
+        handmade,
+        learned,
+        report,
+    )
     from deploy.flying.vehicle import read_key  # noqa: PLC0415
+    from deploy.process.news import working  # noqa: PLC0415
 
     if scenes is not None and len(scenes) != 1:
         raise ConfigError(f"{len(scenes)} worlds for one drone: expected one --scene")
@@ -168,11 +174,12 @@ def fly(
             key=read_key(signing_key) if signing_key is not None else None,
             limits=Limits(fence=fence, battery=battery),
         )
-    if source is None:
-        decide = handmade(pilot or "greedy", seed)
-    else:
-        decide = learned(source, agent, greedy=not stochastic, seed=seed)
-    summary = start_flying(plan, decide, lambda line: print(line, file=sys.stderr, flush=True))
+    with working(f"flying {vehicle}") as news:
+        if source is None:
+            decide = handmade(pilot or "greedy", seed)
+        else:
+            decide = learned(source, agent, greedy=not stochastic, seed=seed)
+        summary = fly_vehicle(plan, decide, news)
     report(summary, plan.folder, json)
 
 

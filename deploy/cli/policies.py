@@ -1,6 +1,5 @@
 """The commands about what was learned: ``swarm eval`` and ``swarm export``."""
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -12,7 +11,7 @@ app = typer.Typer()
 
 
 @app.command("eval")
-def evaluate(
+def eval_(
     source: Policy,
     agent: OneAgent = None,
     scenes: Annotated[
@@ -31,12 +30,11 @@ def evaluate(
     import msgspec  # noqa: PLC0415
 
     from agent.storage.runfolder import RunFolder  # noqa: PLC0415
-    from deploy.policies.evaluate import evaluate as start  # noqa: PLC0415
-    from deploy.policies.evaluate import print_evaluation  # noqa: PLC0415
+    from deploy.policies.evaluate import evaluate, print_evaluation  # noqa: PLC0415
+    from deploy.process.news import working  # noqa: PLC0415
 
-    result = start(
-        source, agent, flights, seed, jobs, scenes or (), lambda line: print(line, file=sys.stderr)
-    )
+    with working(f"evaluating {source}") as news:
+        result = evaluate(source, agent, flights, seed, jobs, scenes or (), news.line, news.say)
     text = msgspec.json.format(msgspec.json.encode(result), indent=2)
     if source.is_dir():
         RunFolder(source).evaluation.write_bytes(text)
@@ -64,6 +62,9 @@ def export(
     Observations in, action preferences out.
     """
     from deploy.policies.export import destination, export  # noqa: PLC0415
+    from deploy.process.news import working  # noqa: PLC0415
 
-    path = export(source, agent, *destination(source, form, to))
+    chosen, path = destination(source, form, to)
+    with working(f"writing {path}"):
+        export(source, agent, chosen, path)
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")

@@ -23,14 +23,14 @@ from agent.vehicle import Limits, Timing, Vehicle
 from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
 from agent.vehicle.connection import parse
 from deploy.flying.pilots import make_pilot
+from deploy.process.news import News
 from deploy.process.signals import StoppedError, stopping_at_signals
-from sim.indoor.content.scene import Scene, load
+from sim.indoor.content.scene import Scene, check, load
 from sim.indoor.flight.body import home_of
 from sim.indoor.flight.env import IndoorFlight, Observation
 from swarm.errors import ConfigError
 
 Decide = Callable[[IndoorFlight, Observation, bool], int]  # world, picture, first of a flight
-Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def handmade(name: str, seed: int = 0) -> Decide:
     return decide
 
 
-def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
+def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
     """Fly until the plan is fulfilled or the user has had enough; then land.
 
     Raises:
@@ -131,6 +131,8 @@ def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
         )
     parse(plan.vehicle)  # a mistake is told before anything takes its time
     try:
+        check(plan.scene, plan.start)
+        news.say(f"building {plan.scene}")
         scene = load(plan.scene)
         home = home_of(scene, plan.start)
         plan.folder.mkdir(parents=True, exist_ok=True)
@@ -140,13 +142,16 @@ def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
     with ExitStack() as stack:
         stack.enter_context(stopping_at_signals())
         stack.enter_context(tape)
-        film = _film(stack, plan.folder / "flight.rrd", scene, say)
+        film = _film(stack, plan.folder / "flight.rrd", scene, news.line)
+        news.say("rehearsing on the ground")
         rehearse(plan.scene, decide)
 
         def tell(text: str) -> None:
-            say(text)
+            news.line(text)
+            news.say(text)
             film.say(text)
 
+        news.say(f"waiting for a vehicle on {plan.vehicle}")
         drone = stack.enter_context(
             Vehicle(
                 plan.vehicle, plan.timing, plan.limits, system=plan.system, key=plan.key,
@@ -159,7 +164,7 @@ def fly(plan: Plan, decide: Decide, say: Say) -> Summary:
         distances: list[float] = []
         begun, ended = time.monotonic(), "all flights flown"
         try:
-            _fly_on(plan, world, drone, decide, film, distances, tell)
+            _fly_on(plan, world, drone, decide, film, distances, tell, news)
         except StoppedError:
             ended = "told to stop"
         except VehicleError as error:
@@ -191,7 +196,8 @@ def _fly_on(
     decide: Decide,
     film: Film,
     distances: list[float],
-    tell: Say,
+    tell: Callable[[str], None],
+    news: News,
 ) -> None:
     """Flight after flight; `distances` grows with the one under way."""
     seen, _ = world.reset(seed=plan.seed)
@@ -203,6 +209,7 @@ def _fly_on(
             seen, reward, crashed, _, info = world.step(decide(world, seen, fresh))
             fresh = False
             distances[-1] = info["distance"]
+            news.say(f"flight {len(distances)}, {distances[-1]:.1f} m")
             film.take(drone, world, reward)
         tell(f"flight {len(distances)}: {distances[-1]:.1f} m")
         if plan.flights is not None and len(distances) >= plan.flights:
@@ -248,7 +255,7 @@ class _NoFilm:
         """Nothing."""
 
 
-def _film(stack: ExitStack, path: Path, scene: Scene, say: Say) -> Film:
+def _film(stack: ExitStack, path: Path, scene: Scene, say: Callable[[str], None]) -> Film:
     try:
         from deploy.viewer.film import FlightFilm  # noqa: PLC0415
     except ImportError:

@@ -1,12 +1,11 @@
 """How far hand-made pilots fly: ``swarm fly --pilot greedy|straight|random``.
 
-MSF (mean safe flight) is the mean horizontal distance from start to crash; every one of the
-parallel worlds flies the same number of flights, because counting the first that end would favour
-short ones.
+MSF (mean safe flight) is the mean horizontal distance from start to crash, over a
+:class:`~deploy.flying.quota.Quota` of flights.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -16,6 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from deploy.flying.pilots import make_pilot
+from deploy.flying.quota import Quota
+from deploy.process.news import working
+from sim.indoor.content.scene import check
 from sim.indoor.content.scenes import NAMES
 
 MAX_STEPS = 2500  # 1 km; the cap of an evaluation
@@ -36,11 +38,20 @@ class Result:
     capped: float  # share of the flights that reached MAX_STEPS
 
 
-def measure(scene: str, pilot: str, flights: int, seed: int) -> Result:
-    """Fly, and measure the distances; the same seed gives the same numbers."""
+def measure_in(
+    scene: str,
+    pilot: str,
+    flights: int,
+    seed: int,
+    tell: Callable[[int, float], None] = lambda ended, share: None,
+) -> Result:
+    """Fly in one world, and measure the distances; the same seed gives the same numbers.
+
+    After every step `tell` hears how many flights have ended, and the share of all that is flown.
+    """
     count = min(PARALLEL, flights)
     hand = make_pilot(pilot, seed, count)
-    quota = np.full(count, flights // count) + (np.arange(count) < flights % count)
+    quota, steps = Quota.split(flights, count, MAX_STEPS), np.zeros(count, np.int64)
     envs: Any = gymnasium.make_vec(
         "sim:IndoorFlight-v0",
         num_envs=count,
@@ -52,13 +63,15 @@ def measure(scene: str, pilot: str, flights: int, seed: int) -> Result:
     capped = 0
     envs.reset(seed=seed)
     fresh = np.ones(count, np.bool_)
-    while quota.any():
+    while quota.flying:
         _, _, crashed, late, infos = envs.step(hand.act(envs.depth, envs.pose, fresh))
         fresh = crashed | late
-        for i in np.flatnonzero(fresh & (quota > 0)):
-            distances.append(float(infos["final_info"]["distance"][i]))
-            capped += bool(late[i])
-            quota[i] -= 1
+        steps = np.where(fresh, 0, steps + 1)
+        for i in map(int, np.flatnonzero(fresh)):
+            if quota.end(i):
+                distances.append(float(infos["final_info"]["distance"][i]))
+                capped += bool(late[i])
+        tell(quota.ended, quota.share(steps.tolist()))
     envs.close()
     flown = np.array(distances)
     return Result(
@@ -73,7 +86,7 @@ def measure(scene: str, pilot: str, flights: int, seed: int) -> Result:
     )
 
 
-def fly(
+def measure_pilot(
     pilot: str = "greedy",
     scenes: Sequence[str] = NAMES,
     flights: int = 16,
@@ -84,8 +97,23 @@ def fly(
     """Measure a pilot in some worlds and print a table, or JSON.
 
     The greedy one flies 1 km a flight, in about 2 s of CPU time each.
+
+    Raises:
+        ValueError, OSError: there is no such pilot or world.
     """
-    results = [measure(scene, pilot, flights, seed) for scene in scenes]
+    make_pilot(pilot, seed, 1)
+    for scene in scenes:
+        check(scene)
+    results = []
+    with working(f"flying the {pilot} pilot") as news:
+        for k, scene in enumerate(scenes):
+
+            def tell(ended: int, share: float, k: int = k, scene: str = scene) -> None:
+                done = (k + share) / len(scenes)
+                news.say(f"{scene}, {ended} of {flights} flights ended", done)
+
+            news.say(scene, k / len(scenes))
+            results.append(measure_in(scene, pilot, flights, seed, tell))
     if as_json:
         print(json.dumps([asdict(result) for result in results], indent=2))
         return results

@@ -6,6 +6,9 @@ import sys
 import threading
 from pathlib import Path
 
+from deploy.flying.warmup import rehearse_vehicle
+from deploy.process.news import working
+from sim.indoor.content.scene import check
 from sim.vehicle.quadrotor import Weather
 from sim.vehicle.rooms import Room
 from sim.vehicle.server import LOCAL_OFFSET, Options, run
@@ -46,7 +49,7 @@ def read_wind(text: str) -> Weather:
     return Weather((north, east, 0.0), abs(gusts))
 
 
-def fly(options: Options, stop: threading.Event) -> None:
+def run_vehicle(options: Options, stop: threading.Event) -> None:
     """Run the vehicle until it is told to stop.
 
     Raises:
@@ -54,11 +57,15 @@ def fly(options: Options, stop: threading.Event) -> None:
         NetworkError: its port is taken.
     """
     world = None
-    if options.scene is not None:
-        try:
-            world = Room(options.scene, options.start)
-        except (ValueError, OSError, ImportError) as error:
-            raise ConfigError(str(error)) from None
+    try:
+        if options.scene is not None:
+            check(options.scene, options.start)
+        with working("making the vehicle ready"):
+            if options.scene is not None:
+                world = Room(options.scene, options.start)
+            rehearse_vehicle(world)
+    except (ValueError, OSError, ImportError) as error:
+        raise ConfigError(str(error)) from None
 
     def ready(port: int) -> None:
         kind = "TCP" if options.tcp else "UDP"

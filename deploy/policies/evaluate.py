@@ -6,8 +6,9 @@ Measured is the safe flight [m] where a world tells it, else the sum of rewards.
 
 import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, wait
 from multiprocessing import get_context
+from multiprocessing.sharedctypes import SynchronizedArray
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,15 +20,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from agent.config.experiment import AgentEntry, SwarmFile, Task, load
-from agent.learning.evaluation import Flown, fly
 from agent.learning.pilot import Pilot, use_threads
+from agent.learning.rollout import Choice, Observations
 from agent.storage.runfolder import open_run
+from deploy.flying.warmup import FLIGHT, warm_up
+from deploy.policies.flights import Flown, fly_quota
 from sim.indoor.content.scenes import NAMES, TRAINED
 from swarm.errors import ConfigError
 
-FLIGHT = "sim:IndoorFlight-v0"
 MOST_STEPS = 2500  # 1 km
 SIDE_BY_SIDE = 20  # flights at a time
+LOOK = 0.5  # [s] between two looks at how far the workers are
 Mode = Literal["greedy", "stochastic"]
 MODES: tuple[Mode, ...] = ("greedy", "stochastic")
 
@@ -91,6 +94,7 @@ def evaluate(
     jobs: int = 0,
     scenes: Sequence[str] = (),
     tell: Callable[[str], None] = lambda line: None,
+    show: Callable[[str, float], None] = lambda cell, share: None,
 ) -> Evaluation:
     """Fly a policy in all its worlds, a world and a mode to a process.
 
@@ -102,6 +106,7 @@ def evaluate(
         jobs: processes; 0 for one per core.
         scenes: some of the worlds only.
         tell: takes a line after every cell.
+        show: takes, again and again, the cell that is awaited and the share of all that is flown.
 
     Raises:
         ConfigError: no such run or world.
@@ -114,15 +119,21 @@ def evaluate(
             raise ConfigError(f'world "{name}": expected one of {", ".join(worlds)}')
     chosen = {name: task for name, task in worlds.items() if not scenes or name in scenes}
     Pilot.load(source, agent)  # a mistake is told before processes start
+    warm_up(chosen.values())
     wanted = [(name, mode) for name in chosen for mode in MODES]
     cells: dict[str, list[Cell]] = {name: [] for name in chosen}
     distances = True
-    with ProcessPoolExecutor(jobs or os.cpu_count() or 1, get_context("spawn")) as pool:
+    context = get_context("spawn")
+    shares = context.Array("d", len(wanted))
+    workers = jobs or os.cpu_count() or 1
+    with ProcessPoolExecutor(workers, context, _share_with_parent, (shares,)) as pool:
         begun = [
-            pool.submit(_cell, source, agent, chosen[name], mode, flights, seed)
-            for name, mode in wanted
+            pool.submit(_cell, k, source, agent, chosen[name], mode, flights, seed)
+            for k, (name, mode) in enumerate(wanted)
         ]
         for (name, mode), future in zip(wanted, begun, strict=True):
+            while not wait([future], LOOK).done:
+                show(f"{name} {mode}", float(np.mean(shares[:])))
             flown = future.result()
             cell, distances = _summary(mode, flown)
             cells[name].append(cell)
@@ -130,8 +141,16 @@ def evaluate(
     return Evaluation(str(source), agent, "m" if distances else "return", seed, cells)
 
 
+_shares: "SynchronizedArray[float] | None" = None  # in a worker: of each cell, what is flown
+
+
+def _share_with_parent(shares: "SynchronizedArray[float]") -> None:
+    global _shares  # noqa: PLW0603  (how a pool hands its workers what cannot be pickled)
+    _shares = shares
+
+
 def _cell(
-    source: Path, agent: str | None, task: Task, mode: Mode, flights: int, seed: int
+    number: int, source: Path, agent: str | None, task: Task, mode: Mode, flights: int, seed: int
 ) -> list[Flown]:
     """One world and one mode, in a process of its own."""
     use_threads(1)
@@ -141,8 +160,16 @@ def _cell(
         gymnasium.make(task.env, **task.kwargs) for _ in range(worlds)
     ]
     each = -(-flights // worlds)
+
+    def tell(share: float) -> None:
+        if _shares is not None:
+            _shares[number] = share
+
+    def act(seen: Observations) -> Choice:
+        return pilot.choose(seen, mode == "greedy")
+
     try:
-        return fly(envs, lambda seen: pilot.choose(seen, mode == "greedy"), each, MOST_STEPS, seed)
+        return fly_quota(envs, act, each, MOST_STEPS, seed, tell)
     finally:
         for env in envs:
             env.close()

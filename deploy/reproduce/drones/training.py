@@ -71,7 +71,7 @@ def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], No
             run.folder.path,
             flights=flights,
             jobs=jobs,
-            tell=lambda line, run=run: say(f"{run.label}: {line}"),  # type: ignore[misc]
+            show=lambda cell, share, run=run: say(f"{run.label}: flying {cell}, {share:.0%}"),  # type: ignore[misc]
         )
         path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
 

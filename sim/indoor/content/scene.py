@@ -7,7 +7,6 @@ that several processes may bake at once, and a cache that cannot be written is d
 
 import hashlib
 import os
-import sys
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -17,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.indoor.compiled import cache_dir
 from sim.indoor.content import scenes
 from sim.indoor.content.assembly import NED_FROM_PLAN, Charts, assemble
 from sim.indoor.content.naming import split
@@ -25,6 +23,8 @@ from sim.indoor.content.plan import Plan, Start, linear
 from sim.indoor.geometry.mesh import Doubles, Mesh, Words
 from sim.indoor.render import lighting
 from sim.indoor.render.lighting import Lamps
+from sim.kernels import cache_dir
+from sim.notices import during
 
 RECIPE = "1"  # change it when the same input should give another light
 
@@ -50,6 +50,32 @@ def load(name: str, *, lit: bool = True) -> Scene:
     file = Path(split(name)[0])
     stamp = file.stat().st_mtime_ns if not scenes.known(name) and file.is_file() else 0
     return _load(name, lit, stamp)
+
+
+def check(name: str, start: int = 0) -> None:
+    """See that there is such a world and start, before anything is built, baked or compiled.
+
+    The start poses of a file are known when it has been read: of it only the existence is told.
+
+    Raises:
+        ValueError, OSError: there is not.
+    """
+    if scenes.known(name):
+        check_start(name, start, len(scenes.plan(name).starts))
+        return
+    from sim.indoor.content import userfile  # noqa: PLC0415  (trimesh only where a file is read)
+
+    userfile.check_file(Path(name))
+
+
+def check_start(name: str, start: int, count: int) -> None:
+    """See that a world with `count` start poses has this one.
+
+    Raises:
+        ValueError: it has not.
+    """
+    if not 0 <= start < count:
+        raise ValueError(f"start {start} of {name}: expected 0 to {count - 1}")
 
 
 @lru_cache(maxsize=8)
@@ -94,10 +120,8 @@ def light(name: str, mesh: Mesh, charts: Charts, lamps: Lamps, exposure: float) 
                 return words
     except (OSError, KeyError, ValueError, zipfile.BadZipFile):
         pass  # not there, or not whole
-    print(
-        f"sim.indoor: baking the light of {name}, once, a few seconds", file=sys.stderr, flush=True
-    )
-    words = lighting.bake(mesh, charts, lamps, exposure)
+    with during(f"baking the light of {name}, once"):
+        words = lighting.bake(mesh, charts, lamps, exposure)
     _keep(file, words)
     return words
 

@@ -73,10 +73,12 @@ def read(path: str, options: FileOptions = AS_IT_IS, *, lit: bool = True) -> Sce
     return Scene(path, mesh, poses, np.zeros((0, 6)), float(np.ptp(corner[..., 2])))
 
 
-def _triangles(
-    file: Path,
-) -> tuple[Doubles, Doubles, list[npt.NDArray[np.float64]], npt.NDArray[np.int64]]:
-    """Corners (T, 3, 3) [NED], texture coordinates (T, 3, 2), pictures, and each triangle's."""
+def check_file(file: Path) -> None:
+    """See that there is such a file, of a kind and size that is read.
+
+    Raises:
+        SceneError: there is not.
+    """
     if file.suffix.lower() not in SUFFIXES:
         raise SceneError(
             f"no scene {str(file)!r}: expected one of {_names()} or a file {', '.join(SUFFIXES)}"
@@ -90,6 +92,13 @@ def _triangles(
         raise SceneError(
             f"scene file {file} has {size >> 20} MiB, more than the limit of {MAX_BYTES >> 20} MiB"
         )
+
+
+def _triangles(
+    file: Path,
+) -> tuple[Doubles, Doubles, list[npt.NDArray[np.float64]], npt.NDArray[np.int64]]:
+    """Corners (T, 3, 3) [NED], texture coordinates (T, 3, 2), pictures, and each triangle's."""
+    check_file(file)
     import trimesh  # noqa: PLC0415  (60 MB that only this function needs)
 
     try:

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol, cast, runtime_checkable
 
 import numpy as np
 
-from sim.indoor.content.scene import Scene
+from sim.indoor.content.scene import Scene, check_start
 from sim.indoor.render.rays import cast_many
 
 
@@ -109,8 +109,7 @@ def home_of(scene: Scene, start: int = 0) -> Pose:
     Raises:
         ValueError: there is no such start.
     """
-    if not 0 <= start < len(scene.starts):
-        raise ValueError(f"start {start} of {scene.name}: expected 0 to {len(scene.starts) - 1}")
+    check_start(scene.name, start, len(scene.starts))
     x, y, z, _, _, yaw = (float(value) for value in scene.starts[start])
     below, _ = cast_many(scene.mesh, 0, np.array([[x, y, z]]), np.array([[0.0, 0.0, 1.0]]))
     return Pose(x, y, z + float(below[0]), yaw=yaw)

@@ -62,7 +62,7 @@ def _stand(
         )
 
 
-@compiled
+@compiled(nogil=True)
 def _lamps(
     corner: Floats,
     box: Floats,
@@ -112,7 +112,7 @@ def _lamps(
                     out[first + k, channel] += power[lamp, channel] * strength * seen / SHADOW
 
 
-@compiled
+@compiled(nogil=True)
 def _gather(
     corner: Floats,
     box: Floats,
@@ -186,7 +186,7 @@ def _gather(
             lost[first + k] = bad > GATHER // 4
 
 
-@compiled
+@compiled(nogil=True)
 def _settle(size: Ints, value: Doubles, lost: Flags) -> None:
     """Smooth each chart a little and fill its lost texels from their neighbours."""
     for c in range(len(size)):

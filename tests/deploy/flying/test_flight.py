@@ -32,6 +32,9 @@ NOWHERE = "udpin:127.0.0.1:21999"
         (["--vehicle", NOWHERE, "--scene", SCENE, "--pilot", "ace"], "no pilot 'ace'"),
         (["--vehicle", NOWHERE, "--scene", "a", "--scene", "b"], "expected one --scene"),
         (["--scene", "nowhere"], "nowhere"),
+        (["--scene", SCENE, "--scene", "nowhere"], "nowhere"),
+        (["--scene", SCENE, "--scene", "nothing.glb"], "nothing.glb"),
+        (["--scene", SCENE, "--pilot", "ace"], "no pilot 'ace'"),
     ],
 )
 def test_a_mistake_is_one_line(
@@ -41,15 +44,16 @@ def test_a_mistake_is_one_line(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
+    """Told before anything is baked: the cache of a machine that has never flown stays empty."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(sys, "argv", ["swarm", "fly", *arguments])
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in {2, 5}
-    said = capsys.readouterr().err.splitlines()
-    mistakes = [line for line in said if "compiling, once" not in line]  # a machine's first flight
-    assert len(mistakes) == 1
-    assert words in mistakes[0]
+    (mistake,) = capsys.readouterr().err.splitlines()
+    assert mistake.startswith("swarm: ") and words in mistake
+    assert not any(tmp_path.rglob("*")), "something was built before the mistake was told"
 
 
 def test_recordings_lie_beside_what_flew(tmp_path: Path) -> None:

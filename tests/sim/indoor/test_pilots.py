@@ -6,28 +6,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from deploy.flying import measure as fly
-from deploy.flying import pilots
+from deploy.flying import measure, pilots
 from deploy.flying import sheet as worlds
 
 
 def test_pilots_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fly, "MAX_STEPS", 150)
+    monkeypatch.setattr(measure, "MAX_STEPS", 150)
     msf = [
-        fly.measure("indoor-pyramid", pilot, 8, 0).msf for pilot in ("random", "straight", "greedy")
+        measure.measure_in("indoor-pyramid", pilot, 8, 0).msf
+        for pilot in ("random", "straight", "greedy")
     ]
     assert msf[0] < msf[1] < msf[2]
     assert msf[2] > 50
 
 
-def test_same_seed_same_distance() -> None:
-    assert fly.measure("indoor-pyramid", "random", 5, 3) == fly.measure(
-        "indoor-pyramid", "random", 5, 3
-    )
+def test_same_seed_same_distance_and_it_is_told_how_far_it_is() -> None:
+    told: list[tuple[int, float]] = []
+    again = measure.measure_in("indoor-pyramid", "random", 5, 3)
+    first = measure.measure_in("indoor-pyramid", "random", 5, 3, lambda *far: told.append(far))
+    assert first == again
+    assert told == sorted(told) and told[0][1] > 0 and told[-1] == (5, 1.0)
 
 
 def test_json(capsys: pytest.CaptureFixture[str]) -> None:
-    fly.fly("straight", ["indoor-pyramid"], flights=3, seed=1, as_json=True)
+    measure.measure_pilot("straight", ["indoor-pyramid"], flights=3, seed=1, as_json=True)
     (row,) = json.loads(capsys.readouterr().out)
     assert row["scene"] == "indoor-pyramid" and row["flights"] == 3 and row["msf"] > 0
 

@@ -2,11 +2,12 @@
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from sim.indoor import compiled
+from sim import kernels, notices
 from sim.indoor.content.plan import Plan
 from sim.indoor.content.scene import Scene, build, load
 from sim.indoor.content.scenes import NAMES
@@ -14,7 +15,9 @@ from sim.indoor.content.textures import mip_chain, plain
 from sim.indoor.errors import SceneError
 from sim.indoor.flight.reward import CRASH_THRESHOLD, windowed
 from sim.indoor.geometry.collision import clearance
+from sim.indoor.geometry.mesh import Words
 from sim.indoor.geometry.shapes import face, triangulate
+from sim.indoor.render import lighting
 from sim.indoor.render.camera import Camera, Renderer
 from sim.indoor.render.rays import cast_many
 from tests.sim.indoor.conftest import WHITE, bare_room
@@ -85,11 +88,18 @@ def test_light_falls_off_and_casts_shadows(own_cache: Path) -> None:
     assert floor(0.7, 0.7) > floor(3.3, 0.7) > floor(3.5, 3.5) > 0
 
 
-def test_light_is_baked_once(own_cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_light_is_baked_once(own_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[str] = []
+    bake = lighting.bake
+
+    def telling(*arguments: Any) -> Words:
+        told.append(notices.under_way())
+        return bake(*arguments)
+
+    monkeypatch.setattr(lighting, "bake", telling)
     first = build("lamps", lamp_room())
-    assert "baking the light of lamps" in capsys.readouterr().err
     again = build("lamps", lamp_room())
-    assert capsys.readouterr().err == ""
+    assert told == ["baking the light of lamps, once"] and notices.under_way() == ""
     assert np.array_equal(first.mesh.light, again.mesh.light)
     assert len(list(own_cache.rglob("*.npz"))) == 1 and not list(own_cache.rglob("*.part"))
 
@@ -106,10 +116,10 @@ def test_without_a_writable_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "blocked").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "blocked"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    folder = compiled.cache_dir()
-    assert folder.parent == tmp_path and folder == compiled.cache_dir()
+    folder = kernels.cache_dir()
+    assert folder.parent == tmp_path and folder == kernels.cache_dir()
     folder.chmod(0o777)  # others may write: not to be trusted with compiled code
-    assert compiled.cache_dir() != folder
+    assert kernels.cache_dir() != folder
 
 
 def test_concave_faces_are_cut_into_their_area() -> None:

@@ -1,10 +1,9 @@
 """Flights of a learned policy that teach it nothing: how far it gets, world by world.
 
-Interface: :func:`fly`.  Every world flies the same number of flights, whatever the others do;
-counting the first that end would favour short ones.
+Interface: :func:`fly_quota`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import gymnasium
@@ -12,6 +11,7 @@ import msgspec
 import numpy as np
 
 from agent.learning.rollout import Choice, Observations
+from deploy.flying.quota import Quota
 
 
 class Flown(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -30,13 +30,13 @@ class Flown(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     capped: bool
 
 
-def fly(
-    envs: list[gymnasium.Env[Any, Any]],
+def fly_quota(
+    envs: Sequence[gymnasium.Env[Any, Any]],
     act: Callable[[Observations], Choice],
     flights: int,
     most_steps: int,
     seed: int,
-    tell: Callable[[int], None] = lambda ended: None,
+    tell: Callable[[float], None] = lambda share: None,
 ) -> list[Flown]:
     """Fly ``flights`` flights in each of several worlds, a batch of observations at a time.
 
@@ -46,12 +46,13 @@ def fly(
         flights: of every world.
         most_steps: of a flight.
         seed: of the first world; the others follow.
-        tell: called with the number of flights ended so far.
+        tell: called after every step with the share of all that is flown.
     """
     seen = [env.reset(seed=seed + i)[0] for i, env in enumerate(envs)]
-    left, steps, values = [flights] * len(envs), [0] * len(envs), [0.0] * len(envs)
+    steps, values = [0] * len(envs), [0.0] * len(envs)
+    quota = Quota([flights] * len(envs), most_steps)
     flown: list[Flown] = []
-    while flying := [i for i, count in enumerate(left) if count]:
+    while flying := quota.flying:
         actions = act(np.stack([seen[i] for i in flying])).actions
         for i, action in zip(flying, actions, strict=True):
             seen[i], reward, terminated, truncated, info = envs[i].step(int(action))
@@ -67,7 +68,8 @@ def fly(
                         capped=not terminated,
                     )
                 )
-                tell(len(flown))
-                left[i], steps[i], values[i] = left[i] - 1, 0, 0.0
+                quota.end(i)
+                steps[i], values[i] = 0, 0.0
                 seen[i], _ = envs[i].reset()
+        tell(quota.share(steps))
     return flown
