@@ -65,7 +65,7 @@ def check(name: str, start: int = 0) -> None:
         return
     from sim.indoor.content import userfile  # noqa: PLC0415  (trimesh only where a file is read)
 
-    userfile.check_file(Path(name))
+    userfile.check_file(Path(split(name)[0]))
 
 
 def check_start(name: str, start: int, count: int) -> None:
