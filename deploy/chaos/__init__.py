@@ -3,10 +3,15 @@
 ::
 
     [[fault]]
-    at = 2.0            # [s] after every agent has reported; or: round = 500
+    at = "30%"          # of the run's rounds; or [s] after every agent has reported: at = 2.0
     kind = "freeze"
-    agents = ["drone1"] # ["*"]: all of them
+    agents = ["drone1"]
     seconds = 5.0
+
+``round = 500`` stands for a certain round.  ``agents`` are ids, or places in the swarm file that
+every swarm has: ``"@first"``, ``"@last"``, ``"@half"`` (the first half of them), ``"*"`` (all).
+With ``until = "80%"`` they come one after the other, evenly, from ``at`` to then.  What would come
+when the run is over, or names an agent that there is not, is refused before anything starts.
 
 ============  ===================================================================================
 kind          what happens to ``agents``

@@ -3,6 +3,7 @@
 Interface: :func:`load_faults`.  :mod:`deploy.chaos` has the table of kinds.
 """
 
+import re
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,18 +16,15 @@ from swarm.errors import ConfigError
 
 Kind = Literal["kill", "restart", "freeze", "slow", "partition", "loss", "rate", "clock"]
 NETWORK_KINDS = ("partition", "loss", "rate")
-ALL = "*"
+ALL, FIRST, LAST, HALF = "*", "@first", "@last", "@half"
 
 
-class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """One table of a chaos file.
+class _What(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """What happens, and to whom.
 
     Attributes:
-        at: when [s]; after that, not before ``round``.
-        round: when the slowest agent has come so far.
         kind: what.
-        agents: to whom; ``["*"]`` for everybody.
-        apart: rounds between one of the agents and the next, at least; 0: all at once.
+        agents: to whom; see :mod:`deploy.chaos`.
         seconds: for how long [s], where it lasts.
         probability: of ``loss``.
         kbit: of ``rate`` [kbit/s].
@@ -36,14 +34,40 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 
     kind: Kind
     agents: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
-    at: Annotated[float, msgspec.Meta(ge=0)] = 0.0
-    round: Annotated[int, msgspec.Meta(ge=0)] = 0
-    apart: Annotated[int, msgspec.Meta(ge=0)] = 0
     seconds: Annotated[float, msgspec.Meta(gt=0)] = 5.0
     probability: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.2
     kbit: Annotated[int, msgspec.Meta(ge=1)] = 1000
     factor: Annotated[float, msgspec.Meta(gt=1)] = 5.0
     by: float = 3600.0
+
+
+class Entry(_What, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """One table of a chaos file.
+
+    Attributes:
+        at: when: seconds, or a share of the run such as ``"30%"``.
+        round: and not before the slowest agent has come so far.
+        until: share of the run; the agents' turns come one by one, evenly, from the beginning to
+            then.  Without it all at once.
+    """
+
+    at: Annotated[float, msgspec.Meta(ge=0)] | str = 0.0
+    round: Annotated[int, msgspec.Meta(ge=0)] = 0
+    until: str | None = None
+
+
+class Fault(_What, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A fault of a certain swarm: whom it means is named, and when it comes.
+
+    Attributes:
+        at: when [s]; after that, not before ``round``.
+        round: when the slowest agent has come so far.
+        apart: rounds between this agent's turn and the next one's, at least.
+    """
+
+    at: float = 0.0
+    round: int = 0
+    apart: int = 0
 
     def __str__(self) -> str:
         jump = f" by {self.by:+g} s" if self.kind == "clock" else ""
@@ -53,40 +77,95 @@ class Fault(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
 class ChaosFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """All faults of a run."""
 
-    fault: tuple[Fault, ...]
+    fault: tuple[Entry, ...]
 
 
 def load_faults(path: Path, config: SwarmFile) -> tuple[Fault, ...]:
-    """Read a chaos file, check it against the swarm it is for, and name everybody it means.
+    """Read a chaos file for a swarm: who is meant and in which round, all of it checked.
 
     Raises:
-        ConfigError: it is not one, names a stranger, or needs what the swarm or machine has not.
+        ConfigError: it is not one, names a stranger, comes when the run is over or never ends, or
+            needs what the swarm or the machine has not.
     """
     faults: list[Fault] = []
-    for i, fault in enumerate(convert(read_toml(path), ChaosFile, str(path)).fault):
-        for agent in _named(fault, config):
-            entry = config.agents[config.index(agent)]
-            if fault.kind in NETWORK_KINDS and entry.namespace is None:
-                raise ConfigError(
-                    f'{path}: fault.{i}.kind = "{fault.kind}" needs a network namespace of '
-                    f'"{agent}": expected "namespace" in its entry of the swarm file'
-                )
-        if fault.kind == "clock" and (reason := clocks.why_not()):
-            raise ConfigError(f'{path}: fault.{i}.kind = "clock": {reason}')
-        faults += _one_by_one(fault, config)
+    for i, entry in enumerate(convert(read_toml(path), ChaosFile, str(path)).fault):
+        try:
+            agents = _named(entry, config)
+            _check(entry, agents, config)
+            faults += _in_turn(entry, agents, config.rounds)
+        except ConfigError as error:
+            raise ConfigError(f"{path}: fault.{i}: {error}") from None
     return tuple(faults)
 
 
-def _named(fault: Fault, config: SwarmFile) -> tuple[str, ...]:
-    return config.members if fault.agents == (ALL,) else fault.agents
+def _named(entry: Entry, config: SwarmFile) -> tuple[str, ...]:
+    """The agents that an entry means, each once."""
+    members, found = config.members, dict[str, None]()
+    places = {
+        ALL: members,
+        FIRST: members[:1],
+        LAST: members[-1:],
+        HALF: members[: max(1, len(members) // 2)],
+    }
+    for name in entry.agents:
+        if name.startswith("@") and name not in places:
+            raise ConfigError(f'agents: "{name}": expected an id or one of {", ".join(places)}')
+        for agent in places.get(name, (name,)):
+            config.index(agent)
+            found[agent] = None
+    return tuple(found)
 
 
-def _one_by_one(fault: Fault, config: SwarmFile) -> list[Fault]:
-    """The fault with its agents' names; as many faults as agents where they are ``apart``."""
-    agents = _named(fault, config)
-    if not fault.apart:
-        return [msgspec.structs.replace(fault, agents=agents)]
+def _check(entry: Entry, agents: tuple[str, ...], config: SwarmFile) -> None:
+    """What this kind of fault needs of the swarm and of the machine."""
+    for agent in agents if entry.kind in NETWORK_KINDS else ():
+        if config.agents[config.index(agent)].namespace is None:
+            raise ConfigError(
+                f'kind = "{entry.kind}" needs a network namespace of "{agent}": '
+                'expected "namespace" in its entry of the swarm file'
+            )
+    if entry.kind == "partition" and set(agents) == set(config.members):
+        raise ConfigError('kind = "partition" of all agents: expected one on the other side')
+    if entry.kind == "clock" and (reason := clocks.why_not()):
+        raise ConfigError(f'kind = "clock": {reason}')
+
+
+def _in_turn(entry: Entry, agents: tuple[str, ...], rounds: int) -> list[Fault]:
+    """Its faults: one for all agents, or, with ``until``, one for each."""
+    seconds, begin = (entry.at, 0) if isinstance(entry.at, float | int) else (0.0, None)
+    if begin is None:
+        begin = _round_of("at", str(entry.at), rounds)
+    begin = max(begin, entry.round)
+    if begin >= rounds:
+        key, value = ("round", entry.round) if begin == entry.round else ("at", f'"{entry.at}"')
+        raise ConfigError(
+            f"{key} = {value} is when the run is over: expected before its {rounds} rounds"
+        )
+    fields = {name: getattr(entry, name) for name in _What.__struct_fields__}
+    if entry.until is None:
+        return [Fault(**fields | {"agents": agents, "at": seconds, "round": begin})]
+    end = _round_of("until", entry.until, rounds)
+    if end <= begin or end >= rounds:
+        raise ConfigError(
+            f'until = "{entry.until}" is round {end}: expected after round {begin}, where it '
+            f"begins, and before the last of {rounds}"
+        )
+    apart = (end - begin) // max(1, len(agents) - 1)
     return [
-        msgspec.structs.replace(fault, agents=(agent,), round=fault.round + n * fault.apart)
+        Fault(
+            **fields
+            | {"agents": (agent,), "at": seconds, "round": begin + n * apart, "apart": apart}
+        )
         for n, agent in enumerate(agents)
     ]
+
+
+def _round_of(key: str, share: str, rounds: int) -> int:
+    """``"30%"`` of so many rounds."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?%", share)
+    if match is None or float(match[1]) >= 100:
+        wanted = 'a share of the run, "0%" to less than "100%"'
+        raise ConfigError(
+            f'{key} = "{share}": expected {wanted}{", or seconds" if key == "at" else ""}'
+        )
+    return int(float(match[1]) / 100 * rounds)

@@ -66,6 +66,8 @@ def launch(prepared: Prepared, record: bool, faults: Sequence[Fault] = ()) -> in
                 for label in chaos.advance(time.monotonic(), progress.round, fleet.pids):
                     journal.say("fault", f"fault: {label}")
                 progress.show()
+            for fault in chaos.faults if fleet.done else ():
+                progress.say(f"fault: {fault} never came: the run was over first")
         if interrupted.is_set():
             print(f"stopped; go on with: swarm up --resume {folder.path}")
             return 130

@@ -32,8 +32,8 @@ FILES = Path(__file__).parents[1] / "library" / "faults"
 FAULTS = ("kill", "restart", "freeze", "partition", "loss", "rate", "clock")
 UNDISTURBED = "none"
 AGENTS = (4, 8)  # from, to
-FIRST, EACH = 1000, 800  # rounds: the faults begin (chaos files); for an agent to be restarted
-AFTER = 1000  # rounds that are left then
+BEGIN = 0.4  # share of the run at which the faults begin (chaos files)
+EACH = 1200  # rounds an agent: for it to be restarted, and to see what becomes of it
 COSTS = {"kill": 0.5, "freeze": 3.0, "partition": 3.0}  # [s] most that a round may take, once
 REUNION = 20  # rounds in which the parts of a swarm must agree again
 MAY_RESTART = {"kill", "restart"}
@@ -64,8 +64,8 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
     Raises:
         SwarmError: this machine cannot make such hosts, or a run failed.
     """
-    after = AFTER // (2 if options.quick else 1)
-    config = grid_swarm("a", agents, rounds=FIRST + EACH * agents + after)
+    config = grid_swarm("a", agents, rounds=EACH * agents * 3 // (4 if options.quick else 3))
+    first = int(BEGIN * config.rounds)
     runs = options.out / "runs"
     with hosts(agents + 1) as names:
         config = settle(config, names)
@@ -73,7 +73,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
         for fault in (UNDISTURBED, *faults):
             options.say(f"{agents} agents, {config.rounds} rounds, fault: {fault}")
             traces[fault] = _run(config, fault, runs / fault, names[-1])
-    tolerated = TIMES * usual_disagreement(traces[UNDISTURBED], FIRST)
+    tolerated = TIMES * usual_disagreement(traces[UNDISTURBED], first)
     done = {
         fault: _judge(config, trace, RunFolder(runs / fault), tolerated)
         for fault, trace in traces.items()
@@ -83,7 +83,7 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
         title=f"Faults of {agents} processes on {agents} hosts, grid world (a), "
         f"{config.rounds} rounds",
         claims=[claim(fault, end, calm, agents) for fault, end in done.items()],
-        notes=_notes(done, tolerated),
+        notes=_notes(done, first, tolerated),
         data={fault: asdict(end) for fault, end in done.items()},
         figures=[_draw(options.out, traces)],
     )
@@ -125,7 +125,7 @@ def _judge(config: SwarmFile, trace: Trace, folder: RunFolder, tolerated: float)
     last = config.rounds - 1
     assert result.optimum is not None
     return Finished(
-        examine(trace, FIRST, tolerated),
+        examine(trace, int(BEGIN * config.rounds), tolerated),
         solved=min(result.solved),
         share=min(result.value) / result.optimum,
         lost=tuple(agent for agent, played in trace.reports.items() if played[-1].round != last),
@@ -167,12 +167,12 @@ def claim(fault: str, end: Finished, calm: Finished, agents: int) -> Claim:
     return Claim(fault, "", "; ".join(required), "; ".join(ours), holds)
 
 
-def _notes(done: dict[str, Finished], tolerated: float) -> list[str]:
+def _notes(done: dict[str, Finished], first: int, tolerated: float) -> list[str]:
     usual = done[UNDISTURBED].aftermath.usual
     edges = ", ".join(f"{fault} {end.aftermath.one_sided}" for fault, end in done.items())
     return [
         f"Without faults a round takes {usual * 1e3:.1f} ms (median). Longest and next: of any one "
-        f"agent that was not itself stopped, from round {FIRST} on or from the fault.",
+        f"agent that was not itself stopped, from round {first} on or from the fault.",
         "Back: rounds that the others play from the end of the fault (kill, restart: from its "
         "beginning, so the start of a process is in it) until every agent mixes with all its "
         f"neighbours and nobody is farther than {tolerated:.2f} from one, {TIMES} times what is "

@@ -7,8 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
-from agent.config.experiment import load
+from agent.config.experiment import SwarmFile, load
 from deploy.chaos import clocks
 from deploy.chaos.actions import host_of, plan
 from deploy.chaos.clocks import Clocks
@@ -18,6 +19,7 @@ from swarm.errors import ConfigError
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 FILE = DEPLOY / "library" / "swarms" / "gridworld-a.toml"
+SWARMS = sorted((DEPLOY / "library" / "swarms").glob("*.toml"))
 CHAOS_FILES = sorted((DEPLOY / "library" / "faults").glob("*.toml"))
 HOSTS = [
     f'agents.{i}={{id="d{i}",task={{env="sim:GridWorld-v0"}},namespace="h{i}",device="eth",'
@@ -95,6 +97,16 @@ def test_a_process_that_has_just_ended_takes_no_signal(tmp_path: Path) -> None:
         ('[[fault]]\nat = 1\nkind = "kill"\nagents = []', "length >= 1"),
         ('[[fault]]\nat = 1\nkind = "loss"\nagents = ["drone0"]', "needs a network namespace"),
         ("[fault]", "fault = "),
+        ('[[fault]]\nat = "100%"\nkind = "kill"\nagents = ["*"]', 'at = "100%": expected a share'),
+        ('[[fault]]\nat = "soon"\nkind = "kill"\nagents = ["*"]', 'at = "soon": expected a share'),
+        ('[[fault]]\nround = 1000\nkind = "kill"\nagents = ["*"]', "round = 1000 is when"),
+        ('[[fault]]\nkind = "kill"\nagents = ["@third"]', "one of *, @first, @last, @half"),
+        (
+            '[[fault]]\nat = "50%"\nuntil = "40%"\nkind = "kill"\nagents = ["*"]',
+            'until = "40%" is round 400: expected after round 500',
+        ),
+        ('[[fault]]\nkind = "freeze"\nseconds = -1\nagents = ["*"]', "fault.0.seconds = -1"),
+        ('[[fault]]\nkind = "freeze"\nseconds = nan\nagents = ["*"]', "fault.0.seconds = nan"),
     ],
 )
 def test_a_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
@@ -112,26 +124,63 @@ def test_the_address_of_an_endpoint() -> None:
         host_of("10.77.0.1")
 
 
+def on_hosts(config: SwarmFile) -> SwarmFile:
+    """The swarm with every agent in a namespace of its own, where the network's faults need it."""
+    agents = tuple(
+        replace(agent, namespace=f"h{i}", device="eth", endpoint=f"tcp/10.0.0.{i}:7450")
+        for i, agent in enumerate(config.agents)
+    )
+    return replace(config, agents=agents)
+
+
+@pytest.mark.parametrize("swarm", SWARMS, ids=lambda file: file.stem)
 @pytest.mark.parametrize("file", CHAOS_FILES, ids=lambda file: file.stem)
-def test_every_chaos_file_fits_a_swarm_on_hosts(
-    file: Path, monkeypatch: pytest.MonkeyPatch
+def test_every_chaos_file_does_something_to_every_swarm(
+    file: Path, swarm: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(clocks, "why_not", lambda: None)
-    config = load(FILE, [setting.replace('"d', '"drone') for setting in HOSTS])
-    for fault in load_faults(file, config):
+    config = on_hosts(load(swarm))
+    if file.stem == "partition" and len(config.members) == 1:
+        with pytest.raises(ConfigError, match="expected one on the other side"):
+            load_faults(file, config)
+        return
+    faults = load_faults(file, config)
+    assert faults
+    for fault in faults:
+        assert fault.round < config.rounds
+        assert fault.agents
         assert set(fault.agents) <= set(config.members)
-        assert plan(fault, config)
+        actions = plan(fault, config)
+        assert any(action.signals or action.commands or action.jumps for action in actions)
 
 
-def test_a_star_names_everybody_and_apart_takes_them_in_turn(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("agents", "meant"),
+    [
+        (["*"], "drone0 drone1 drone2 drone3"),
+        (["@first"], "drone0"),
+        (["@last"], "drone3"),
+        (["@half"], "drone0 drone1"),
+        (["@half", "drone1", "@last"], "drone0 drone1 drone3"),
+    ],
+)
+def test_places_name_agents_of_any_swarm(tmp_path: Path, agents: list[str], meant: str) -> None:
     file = tmp_path / "chaos.toml"
-    file.write_text('[[fault]]\nround = 100\nkind = "restart"\nagents = ["*"]\napart = 50')
-    faults = load_faults(file, load(FILE))
-    assert [fault.agents for fault in faults] == [(f"drone{i}",) for i in range(4)]
-    assert [fault.round for fault in faults] == [100, 150, 200, 250]
-    file.write_text('[[fault]]\nkind = "freeze"\nagents = ["*"]')
+    file.write_text(f'[[fault]]\nkind = "freeze"\nagents = {agents}')
     (fault,) = load_faults(file, load(FILE))
-    assert fault.agents == load(FILE).members
+    assert fault.agents == tuple(meant.split())
+
+
+def test_until_takes_them_in_turn_and_shares_count_rounds(tmp_path: Path) -> None:
+    file = tmp_path / "chaos.toml"
+    file.write_text(
+        '[[fault]]\nat = "10%"\nuntil = "40%"\nkind = "restart"\nagents = ["*"]\n'
+        '[[fault]]\nat = "12.5 %"\nkind = "kill"\nagents = ["drone1"]'
+    )
+    *faults, kill = load_faults(file, load(FILE))
+    assert [fault.agents for fault in faults] == [(f"drone{i}",) for i in range(4)]
+    assert [fault.round for fault in faults] == [100, 200, 300, 400]
+    assert (kill.round, kill.at) == (125, 0.0)
 
 
 def test_a_launcher_that_is_late_keeps_the_times_between_stop_and_go(tmp_path: Path) -> None:
