@@ -20,6 +20,8 @@ from swarm.mixing.loss import Loss
 from swarm.mixing.rules import EXACT, Mixing
 from swarm.mixing.weights import Topology, check
 from swarm.protocol.timing import Timing
+from swarm.wire.endpoints import PORTS, check_host, host_and_port
+from swarm.wire.endpoints import endpoint as endpoint_of
 from swarm.wire.keys import Keys, check_name
 from swarm.wire.security import OBSERVER, Party
 from swarm.wire.session import Network
@@ -184,10 +186,8 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def endpoint(self, agent: str) -> str:
         """Where an agent listens."""
         i = self.index(agent)
-        network = self.network
-        return (
-            self.agents[i].endpoint or f"{network.protocol}/{network.host}:{network.base_port + i}"
-        )
+        own, network = self.agents[i].endpoint, self.network
+        return own or endpoint_of(network.protocol, network.host, network.base_port + i)
 
     def party(self, name: str) -> Party:
         """An agent, or an observer, among the members."""
@@ -229,6 +229,7 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
         _check_training(config)
         _check_critic(config)
         _check_security(config)
+        _check_endpoints(config)
         check(config.topology, config.members)
     except ConfigError as error:
         raise ConfigError(f"{where}: {error}") from None
@@ -305,3 +306,22 @@ def _check_security(config: SwarmFile) -> None:
                 "tls/..., as [network.security] has it" if tls else "tcp/..., or [network.security]"
             )
             raise ConfigError(f'agents.{i}.endpoint = "{agent.endpoint}": expected {wanted}')
+
+
+def _check_endpoints(config: SwarmFile) -> None:
+    """Places where one can listen, and dial."""
+    network, count = config.network, len(config.agents)
+    check_host("network.host", network.host)
+    if network.base_port + count - 1 > PORTS and not all(agent.endpoint for agent in config.agents):
+        raise ConfigError(
+            f"network.base_port = {network.base_port}: expected at most {PORTS - count + 1} "
+            f"for {count} agents"
+        )
+    given = {"network.listen": network.listen}
+    given |= {f"agents.{i}.endpoint": agent.endpoint for i, agent in enumerate(config.agents)}
+    for key, text in given.items():
+        if text is not None:
+            try:
+                host_and_port(text)
+            except ConfigError as error:
+                raise ConfigError(f"{key}: {error}") from None

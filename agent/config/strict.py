@@ -25,7 +25,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         ConfigError: the file is missing, unreadable or not TOML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # with a byte-order mark or without
     except FileNotFoundError:
         raise ConfigError(f'file "{path}" does not exist: expected a swarm file') from None
     except (OSError, UnicodeDecodeError) as error:

@@ -22,9 +22,10 @@ from msgspec.structs import replace
 from agent.config.experiment import SwarmFile, Task, read
 from agent.config.strict import convert, override
 from swarm.errors import ConfigError, NetworkError, PayloadError
+from swarm.wire.endpoints import host_and_port
 from swarm.wire.keys import Keys
 from swarm.wire.security import Party, Security
-from swarm.wire.session import Network, host_and_port, open_session
+from swarm.wire.session import Network, open_session
 
 log = logging.getLogger(__name__)
 DEADLINE = 3.0  # [s] for somebody to answer

@@ -3,16 +3,14 @@
 Interface: :func:`plan`.  Decides all; does nothing.
 """
 
-import re
 import signal
 from dataclasses import dataclass
 
 from agent.config.experiment import SwarmFile
 from deploy.chaos.faults import Fault
-from swarm.errors import ConfigError
+from swarm.wire.endpoints import host_and_port
 
 DUTY_CYCLE = 0.2  # [s] period of `slow`
-_ADDRESS = re.compile(r"\w+/(?P<host>[^:/\[\]]+|\[[^\]]+\]):\d+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +87,11 @@ def _network_commands(
         inside = ("ip", "netns", "exec", str(entry.namespace))
         if fault.kind == "partition":
             for other in others:
-                address = host_of(config.endpoint(other))
+                address, _ = host_and_port(config.endpoint(other))
+                table = "ip6tables" if ":" in address else "iptables"
                 for rule in (("INPUT", "-s", address), ("OUTPUT", "-d", address)):
-                    start.append((*inside, "iptables", "-A", *rule, "-j", "DROP"))
-                    stop.append((*inside, "iptables", "-D", *rule, "-j", "DROP"))
+                    start.append((*inside, table, "-A", *rule, "-j", "DROP"))
+                    stop.append((*inside, table, "-D", *rule, "-j", "DROP"))
         elif fault.kind == "loss":
             chance = ("-m", "statistic", "--mode", "random", "--probability")
             rule3 = ("INPUT", *chance, f"{fault.probability}", "-j", "DROP")
@@ -104,11 +103,3 @@ def _network_commands(
             start.append((*inside, "tc", "qdisc", "replace", *device, *shape))
             stop.append((*inside, "tc", "qdisc", "del", *device))
     return start, stop
-
-
-def host_of(endpoint: str) -> str:
-    """The address in ``tcp/10.0.0.1:7447``."""
-    match = _ADDRESS.fullmatch(endpoint)
-    if match is None:
-        raise ConfigError(f'endpoint "{endpoint}": expected protocol/host:port')
-    return match["host"].strip("[]")

@@ -18,7 +18,7 @@ from deploy.diagnose.probe import Answer, Facts, Outcome, Token, examine, fits, 
 from deploy.launch.preparation import check_tasks
 from deploy.observe.status import find_config
 from swarm.errors import ConfigError
-from swarm.wire.session import host_and_port
+from swarm.wire.endpoints import host_and_port
 
 CLOCKS = 1.0  # [s] more than that is told: recordings are laid over each other by time; a guess
 EXPIRES_SOON = 14 * 86400.0  # [s] said so long before

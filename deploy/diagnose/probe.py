@@ -23,10 +23,11 @@ from agent.daemon.process import layout_of
 from agent.learning.learners import build_learner
 from swarm.errors import ConfigError, PayloadError
 from swarm.reports.telemetry import RoundReport, watch_reports
+from swarm.wire.endpoints import host_and_port, plain_host
 from swarm.wire.keys import Keys
 from swarm.wire.payload import PROTOCOL
 from swarm.wire.security import OBSERVER, Certificate, Party, contexts, hosts_in, read_certificate
-from swarm.wire.session import Network, host_and_port, open_session
+from swarm.wire.session import Network, open_session
 
 PAUSE = 0.02  # [s] between two looks
 LISTEN = 1.0  # [s] for a round's messages: who is not learning now sends none
@@ -118,7 +119,6 @@ class Facts:
 
 def examine(config: SwarmFile, agent: str | None, ours: Language, timeout: float) -> Facts:
     """Look at everything; no single wait is longer than ``timeout`` [s]."""
-    zenoh.init_log_from_env_or("off")  # failing is what we are here for
     party = config.party(agent or OBSERVER)
     certificate = _certificate(config.network, party)
     able = not isinstance(certificate, str)
@@ -297,7 +297,7 @@ def _who_else(network: Network, party: Party, host: str, port: int, timeout: flo
 
 def fits(host: str, names: Collection[str]) -> bool:
     """Whether a certificate with these names may be dialled at ``host``."""
-    return host.lower() in (name.lower() for name in names)
+    return plain_host(host) in map(plain_host, names)
 
 
 # --- the network ----------------------------------------------------------------------------

@@ -22,7 +22,7 @@ def read_key(path: Path) -> bytes:
         ConfigError: the file cannot be read, or holds nothing.
     """
     try:
-        text = path.read_text(encoding="utf-8").strip()
+        text = path.read_text(encoding="utf-8-sig").strip()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f'signing key "{path}" cannot be read: {error}') from error
     if not text:

@@ -30,11 +30,11 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from agent.config.experiment import SwarmFile
 from swarm.errors import ConfigError
+from swarm.wire.endpoints import host_and_port
 from swarm.wire.keys import check_name
 from swarm.wire.security import AGENT, OBSERVER
-from swarm.wire.session import host_and_port
 
-LOCAL = ("localhost", "127.0.0.1")  # names that every certificate bears
+LOCAL = ("localhost", "127.0.0.1", "::1")  # names that every certificate bears
 CA_DAYS = 3650  # [days]
 BACKDATED = timedelta(days=1)  # a drone's clock may be slow before it has a fix; a guess
 AUTHORITY = "swarm authority"

@@ -6,6 +6,7 @@ real processes and give the simulator's numbers bit for bit.
 """
 
 import hashlib
+from typing import Annotated
 
 import msgspec
 
@@ -18,8 +19,8 @@ class Loss(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     seed: which messages.
     """
 
-    probability: float = 0.0
-    seed: int = 0
+    probability: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 def lost(loss: Loss, round_: int, sender: str, receiver: str) -> bool:

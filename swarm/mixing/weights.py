@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
 from math import isqrt
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -39,8 +39,8 @@ class Topology(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     kind: Kind = "ring"
     edges: tuple[tuple[str, str], ...] = ()
-    radius: float = 0.5
-    seed: int = 0
+    radius: Annotated[float, msgspec.Meta(gt=0)] = 0.5
+    seed: Annotated[int, msgspec.Meta(ge=0)] = 0
 
 
 def graph(topology: Topology, members: Sequence[str]) -> "nx.Graph":

@@ -1,11 +1,13 @@
 """Every time limit of an agent, and whom it pays to wait for.  Pure: no clock is read here."""
 
 from collections.abc import Collection, Iterable, Mapping
+from typing import Annotated
 
 import msgspec
 
 from swarm.wire.payload import ParameterHeader
 
+Seconds = Annotated[float, msgspec.Meta(gt=0)]
 PATIENCE = 4.0  # times what a round usually takes
 
 
@@ -25,13 +27,13 @@ class Timing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         finish: for the neighbours' last round before leaving.
     """
 
-    start: float = 60.0
-    round: float = 30.0
-    round_floor: float = 2.0
-    resend: float = 0.25
-    beat: float = 0.5
-    state: float = 2.0
-    finish: float = 2.0
+    start: Annotated[float, msgspec.Meta(ge=0)] = 60.0
+    round: Seconds = 30.0
+    round_floor: Seconds = 2.0
+    resend: Seconds = 0.25
+    beat: Seconds = 0.5
+    state: Seconds = 2.0
+    finish: Seconds = 2.0
 
 
 def deadline(durations: Collection[float], timing: Timing) -> float:

@@ -30,6 +30,7 @@ from typing import Any
 import msgspec
 
 from swarm.errors import ConfigError
+from swarm.wire.endpoints import plain_host
 from swarm.wire.keys import Keys
 
 OBSERVER = "observer"  # common name of viewers, launchers and status: reads, says nothing
@@ -222,7 +223,7 @@ def read_certificate(files: Security) -> Certificate:
 
 def hosts_in(shown: Any) -> tuple[str, ...]:
     """Names and addresses in what :meth:`ssl.SSLSocket.getpeercert` returned."""
-    return tuple(host for _, host in (shown or {}).get("subjectAltName", ()))
+    return tuple(plain_host(host) for _, host in (shown or {}).get("subjectAltName", ()))
 
 
 def contexts(files: Security) -> tuple[ssl.SSLContext, ssl.SSLContext]:
@@ -286,6 +287,8 @@ def _read(what: str, path: str) -> str:
 def _password(path: str, name: str) -> str:
     """The password of ``name`` in a dictionary file."""
     passwords: dict[str, str] = {}
+    if _read("users", path).startswith("\ufeff"):  # Zenoh reads the file itself, and takes it so
+        raise ConfigError(f'users "{path}" begins with a byte-order mark: expected UTF-8 without')
     for number, line in enumerate(_read("users", path).splitlines(), 1):
         user, _, password = line.partition(":")
         if not (user and password):

@@ -1,5 +1,8 @@
 """A Zenoh session from a :class:`Network`: endpoints, discovery, failure detection, queues, TLS.
 
+Zenoh's log is never opened: it would follow ``RUST_LOG``, which ROS 2 users have set, and write to
+standard output, where commands give their answers.
+
 The values that are not options were measured on Zenoh 1.10 (``shared/zenoh.md``): together they let
 healthy neighbours survive a frozen one, bound every wait, and keep a fragmenting or oversized
 message from being believed.
@@ -7,11 +10,10 @@ message from being believed.
 
 import json
 import os
-import re
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 # Threads that close the sockets of lost peers block; with too few, losses are seen late.
 os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
@@ -19,11 +21,13 @@ os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
 import msgspec
 import zenoh
 
-from swarm.errors import ConfigError, NetworkError
+from swarm.errors import NetworkError
 from swarm.wire.allocator import share_arenas
+from swarm.wire.endpoints import PORTS
 from swarm.wire.security import Party, Security
 
 CLOSE_DEADLINE = 1.0  # [s] a blocked peer can hold close() for longer; we leave without it
+LEAST_LEASE = 100  # [ms] four signs of life fit in; a guess
 MAX_MESSAGE = 64 * 2**20  # [bytes] larger ones are dropped by the receiver's transport
 
 
@@ -33,7 +37,8 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         discovery: ``endpoints`` dials the other agents' endpoints and sends nothing else anywhere;
             ``multicast`` dials nobody and looks for peers by UDP multicast.
-        host: address on which agents listen that have no ``endpoint`` of their own.
+        host: name or address (``::1`` as well) on which agents listen that have no ``endpoint`` of
+            their own.
         base_port: agent number i of the file listens on ``base_port + i``.
         listen: where every agent listens instead of at its own endpoint, which others dial; e.g.
             ``tcp/0.0.0.0:7447`` in containers, whose addresses change.
@@ -46,11 +51,11 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     discovery: Literal["endpoints", "multicast"] = "endpoints"
     host: str = "127.0.0.1"
-    base_port: int = 7450
+    base_port: Annotated[int, msgspec.Meta(ge=1, le=PORTS)] = 7450
     listen: str | None = None
     multicast_interface: str = "auto"
     gossip: bool = True
-    lease_ms: int = 2000
+    lease_ms: Annotated[int, msgspec.Meta(ge=LEAST_LEASE)] = 2000
     shared_memory: bool = True
     security: Security = Security()
 
@@ -58,18 +63,6 @@ class Network(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def protocol(self) -> str:
         """Of every endpoint: ``tls`` or ``tcp``."""
         return "tls" if self.security.tls else "tcp"
-
-
-def host_and_port(endpoint: str) -> tuple[str, int]:
-    """Of ``tcp/10.0.0.7:7450`` or ``tls/[::1]:7450``.
-
-    Raises:
-        ConfigError: it is no such endpoint.
-    """
-    match = re.fullmatch(r"\w+/(?:\[(.+)\]|([^\[\]]+)):(\d+)(?:[?#].*)?", endpoint)
-    if match is None or int(match[3]) > 65535:
-        raise ConfigError(f'endpoint "{endpoint}": expected one like tcp/10.0.0.7:7450')
-    return match[1] or match[2], int(match[3])
 
 
 def configuration(
@@ -119,7 +112,6 @@ def open_session(
         ConfigError: a file of ``network.security`` will not do.
         NetworkError: it cannot be opened; most often the port is taken.
     """
-    zenoh.init_log_from_env_or("off")
     network.security.check(party.name)
     share_arenas()
     try:

@@ -1,11 +1,13 @@
 """Swarm files: read strictly, overridden, and refused in one line that says why."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import msgspec
 import pytest
+from msgspec import inspect as types
 
-from agent.config.experiment import load
+from agent.config.experiment import SwarmFile, load
 from agent.learning.estimators import Exact
 from swarm.errors import ConfigError
 
@@ -68,6 +70,21 @@ def test_the_copy_in_a_run_folder_reads_back_equal(tmp_path: Path) -> None:
         ("agents.9.id=x", ['no key "agents.9.id"']),
         ("optimizer.decay=1.5", ["optimizer.decay = 1.5", "<= 1"]),
         ("name.x=1", ['no key "name.x"']),
+        ("network.base_port=99999", ["network.base_port = 99999", "<= 65535"]),
+        ("network.base_port=65533", ["network.base_port = 65533", "at most 65532 for 4"]),
+        ("network.base_port=0", ["network.base_port = 0", ">= 1"]),
+        ("network.lease_ms=-1", ["network.lease_ms = -1", ">= 100"]),
+        ("network.host=tcp://10.0.0.1", ['network.host = "tcp://10.0.0.1"', '"10.0.0.1"']),
+        ("network.listen=udp/0.0.0.0:7450", ["network.listen", "expected tcp/0.0.0.0:7450"]),
+        ("agents.0.endpoint=tcp://a:1", ["agents.0.endpoint", "expected tcp/a:1"]),
+        ("loss.probability=7", ["loss.probability = 7", "<= 1"]),
+        ("loss.seed=-1", ["loss.seed = -1", ">= 0"]),
+        ("timing.round=-1", ["timing.round = -1", "> 0"]),
+        ("timing.beat=0", ["timing.beat = 0", "> 0"]),
+        ("timing.round=inf", ["timing.round = inf", "finite"]),
+        ("topology.radius=-1", ["topology.radius = -1", "> 0"]),
+        ("optimizer.step=nan", ["optimizer.step = nan", "finite"]),
+        ("optimizer.step=inf", ["optimizer.step = inf", "finite"]),
     ],
 )
 def test_a_mistake_is_one_line_with_key_value_and_what_was_expected(
@@ -124,3 +141,43 @@ def test_files_that_are_none(tmp_path: Path, content: bytes | None, words: list[
         load(file)
     assert str(file) in str(error.value)
     assert all(word in str(error.value) for word in words)
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path: Path) -> None:
+    for name, content in (
+        ("swarm.toml", FILE.read_bytes()),
+        ("config.json", msgspec.json.encode(load(FILE))),
+    ):
+        (tmp_path / name).write_bytes(b"\xef\xbb\xbf" + content)
+        assert load(tmp_path / name) == load(FILE)
+
+
+def test_an_address_of_ipv6_gets_its_brackets() -> None:
+    for host in ("::1", "[::1]"):
+        assert load(FILE, [f'network.host="{host}"']).endpoint("drone1") == "tcp/[::1]:7451"
+
+
+def numbers(kind: types.Type, key: str) -> Iterator[tuple[str, types.IntType | types.FloatType]]:
+    """Every number of a type, by its key."""
+    match kind:
+        case types.IntType() | types.FloatType():
+            yield key, kind
+        case types.UnionType():
+            for option in kind.types:
+                yield from numbers(option, key)
+        case types.StructType():
+            for field in kind.fields:
+                yield from numbers(field.type, f"{key}.{field.encode_name}".strip("."))
+        case types.VarTupleType():
+            yield from numbers(kind.item_type, key)
+
+
+@pytest.mark.parametrize(
+    ("key", "kind"),
+    list(numbers(types.type_info(SwarmFile), "")),
+    ids=lambda value: str(value)[:30],
+)
+def test_every_number_of_a_swarm_file_has_a_lower_bound(
+    key: str, kind: types.IntType | types.FloatType
+) -> None:
+    assert kind.ge is not None or kind.gt is not None, key

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from agent.config.experiment import SwarmFile, load
 from deploy.chaos import clocks
-from deploy.chaos.actions import host_of, plan
+from deploy.chaos.actions import plan
 from deploy.chaos.clocks import Clocks
 from deploy.chaos.faults import Fault, load_faults
 from deploy.chaos.runner import Chaos
@@ -115,13 +115,6 @@ def test_a_mistake_is_one_line(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigError) as error:
         load_faults(file, load(FILE))
     assert words in str(error.value)
-
-
-def test_the_address_of_an_endpoint() -> None:
-    assert host_of("tcp/10.77.0.1:7450") == "10.77.0.1"
-    assert host_of("tls/[fe80::1]:7450") == "fe80::1"
-    with pytest.raises(ConfigError, match="protocol/host:port"):
-        host_of("10.77.0.1")
 
 
 def on_hosts(config: SwarmFile) -> SwarmFile:

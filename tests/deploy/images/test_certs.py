@@ -33,7 +33,11 @@ def test_makes_an_authority_and_a_certificate_each(tmp_path: Path) -> None:
     assert name.value == "drone0"
     hosts = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     assert hosts.get_values_for_type(x509.DNSName) == ["localhost"]
-    assert list(map(str, hosts.get_values_for_type(x509.IPAddress))) == ["127.0.0.1", "10.0.0.7"]
+    assert list(map(str, hosts.get_values_for_type(x509.IPAddress))) == [
+        "127.0.0.1",
+        "::1",
+        "10.0.0.7",
+    ]
     usage = certificate.extensions.get_extension_for_class(x509.ExtendedKeyUsage).value
     assert set(usage) == {ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH}
     basic = certificate.extensions.get_extension_for_class(x509.BasicConstraints).value

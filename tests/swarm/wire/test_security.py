@@ -73,7 +73,7 @@ def test_good_files_are_read(folder: Path) -> None:
         files(folder).check(name)
     certificate = read_certificate(files(folder).files_of("drone1"))
     assert certificate.name == "drone1"
-    assert certificate.hosts == ("localhost", "127.0.0.1")
+    assert certificate.hosts == ("localhost", "127.0.0.1", "::1")
 
 
 def spoil(folder: Path, how: str) -> None:
