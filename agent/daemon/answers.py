@@ -60,6 +60,7 @@ def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:
         rounds=rounds.config.rounds,
         neighbours=nearby,
         value=report.value if report else None,
+        distance=report.distance if report else None,
         disagreement=report.disagreement if report else None,
         sketch=tuple(sketch(life.at.theta).tolist()),
         rejected=rounds.exchange.guard.counts,

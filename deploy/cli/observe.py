@@ -21,9 +21,9 @@ def status(
         bool, typer.Option("--watch", help="Look again and again, to Ctrl-C.")
     ] = False,
 ) -> None:
-    """Show the agents of a running swarm.
+    """Show the agents of a running swarm, or how a run ended.
 
-    Exit code: 0 healthy, 1 degraded, 3 nobody.
+    Exit code: 0 healthy or finished, 1 degraded or ended otherwise, 3 nobody answers.
     """
     from deploy.observe.status import find_config, show_status, watch_status  # noqa: PLC0415
 

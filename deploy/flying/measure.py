@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from deploy.flying.pilots import make_pilot
@@ -120,7 +121,7 @@ def measure_pilot(
     table = Table(title=f"{pilot} pilot, {flights} flights a world, seed {seed}")
     table.add_column("world")
     for column in ("MSF [m]", "± [m]", "median [m]", "longest [m]", "reached 1 km"):
-        table.add_column(column, justify="right")
+        table.add_column(escape(column), justify="right")
     for r in results:
         table.add_row(
             r.scene, f"{r.msf:.1f}", f"{r.deviation:.1f}", f"{r.median:.1f}", f"{r.longest:.1f}",

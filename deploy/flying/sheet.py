@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sim.indoor.content.scene import Scene, load
@@ -102,7 +103,7 @@ def describe(worlds: Sequence[Scene]) -> None:
     table = Table(title="worlds")
     table.add_column("world")
     for column in ("size [m]", "height [m]", "triangles", "light texels", "MB", "starts"):
-        table.add_column(column, justify="right")
+        table.add_column(escape(column), justify="right")
     for world in worlds:
         mesh = world.mesh
         north, east = np.ptp(mesh.corner.reshape(-1, 3), axis=0)[:2]

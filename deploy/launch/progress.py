@@ -2,17 +2,23 @@
 
 import threading
 import time
+from collections.abc import Sequence
 from typing import Self
 
-from rich.console import Console
+from rich import box
+from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from agent.config.experiment import SwarmFile
+from deploy.observe import crowd
 from swarm.mixing.consensus import sketch_errors
 from swarm.reports.telemetry import RoundReport
 
 LINES_EVERY = 2.0  # [s] between lines where the output is not a terminal
+BESIDE = 10  # lines of a screen beside the rows: title, headings, what is left out, a line said
 
 
 class Progress:
@@ -66,7 +72,7 @@ class Progress:
         with self._lock:
             reports = dict(self._reports)
         if self._console.is_terminal:
-            self._live.update(self._table(reports), refresh=True)
+            self._live.update(self._picture(reports), refresh=True)
         elif reports and time.monotonic() >= self._next_line:
             self._next_line = time.monotonic() + LINES_EVERY
             self.say(self._line(reports))
@@ -88,28 +94,46 @@ class Progress:
             _gains([reports[agent] for agent in sorted(reports)]),
             f"consensus error {max(errors.values(), default=0.0):.3f}",
         ]
-        return ", ".join(parts) + (f", {left:.0f} s left" if left is not None else "")
+        return ", ".join(parts) + (f", {_time(left)} left" if left is not None else "")
 
-    def _table(self, reports: dict[str, RoundReport]) -> Table:
-        errors = _errors(reports)
+    def _picture(self, reports: dict[str, RoundReport]) -> RenderableType:
+        """A row for each agent; of more than the screen holds, for those furthest behind."""
         left = self._time_left(reports) if reports else None
+        members = self._config.members
         title = f"swarm {self._config.name}"
-        table = Table(title=title + (f", {left:.0f} s left" if left is not None else ""))
-        for heading in ("agent", "round", "return", "consensus error", "ms/round", "neighbours"):
-            table.add_column(heading, justify="left" if heading == "agent" else "right")
-        for agent in self._config.members:
+        title += f", {_time(left)} left" if left is not None else ""
+        room = crowd.shown(len(members), self._console.height, BESIDE)
+        if room == len(members):
+            return self._table(title, members, reports)
+        agents = sorted(members, key=lambda a: self._reached(reports[a]) if a in reports else -1.0)
+        summary = Text(self._line(reports) if reports else "starting")
+        rest = Text(f"and {len(members) - room} more, no further behind")
+        return Group(self._table(title, agents[:room], reports), rest, summary)
+
+    def _table(self, title: str, agents: Sequence[str], reports: dict[str, RoundReport]) -> Table:
+        errors = _errors(reports)
+        flights = _fly(list(reports.values()))
+        named = len(self._config.members) <= crowd.MANY
+        table = Table(
+            title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, pad_edge=False
+        )
+        table.add_column("agent", overflow="fold")
+        gain = escape("flight [m]") if flights else "return"
+        for heading in ("round", gain, "consensus\nerror", "ms/round"):
+            table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column("neighbours\n(missing)", overflow="fold")
+        for agent in agents:
             report = reports.get(agent)
             if report is None:
-                table.add_row(agent, "starting", "", "", "", "")
+                table.add_row(agent, "starting")
                 continue
-            nearby = [*report.weights, *(f"({name})" for name in report.missing)]
             table.add_row(
                 agent,
                 f"{self._reached(report):.0f}/{self._config.rounds}",
-                f"{report.value:+.3f}",
+                _gain(report, flights),
                 f"{errors[agent]:.3f}" if agent in errors else "",
                 f"{report.seconds * 1e3:.1f}",
-                " ".join(nearby),
+                _nearby(report, named),
             )
         return table
 
@@ -122,11 +146,43 @@ class Progress:
         self._live.stop()
 
 
+def _fly(reports: list[RoundReport]) -> bool:
+    """Whether the worlds tell how long flights are."""
+    return any(report.distance is not None for report in reports)
+
+
+def _gain(report: RoundReport, flights: bool) -> str:
+    """What the task is about: the length of flights [m], or else the return."""
+    if not flights:
+        return f"{report.value:+.3f}"
+    return "" if report.distance is None else f"{report.distance:.1f}"
+
+
 def _gains(reports: list[RoundReport]) -> str:
-    """Lengths of flights where the worlds tell them, else returns."""
-    if any(report.distance is not None for report in reports):
+    """Lengths of flights where the worlds tell them, else returns; of a crowd, their spread."""
+    lengths = [report.distance for report in reports if report.distance is not None]
+    if len(reports) > crowd.MANY:
+        if lengths:
+            return f"flights [m] {crowd.spread(lengths, '.1f')}"
+        return f"return {crowd.spread([report.value for report in reports])}"
+    if lengths:
         return "flights [m] " + " ".join(f"{report.distance or 0.0:.1f}" for report in reports)
     return "return " + " ".join(f"{report.value:+.2f}" for report in reports)
+
+
+def _nearby(report: RoundReport, named: bool) -> str:
+    """Whose parameters were mixed in, and in brackets whose did not come."""
+    if named:
+        return " ".join((*report.weights, *(f"({name})" for name in report.missing)))
+    missing = f" ({crowd.named(report.missing, 2)})" if report.missing else ""
+    return f"{len(report.weights)}{missing}"
+
+
+def _time(seconds: float) -> str:
+    """``90 s``, or minutes and hours where there are many."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"
 
 
 def _errors(reports: dict[str, RoundReport]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from deploy.chaos.faults import Fault
 from deploy.chaos.runner import Chaos
 from deploy.launch.fleet import BACKOFF, Fleet
 from deploy.launch.journal import Journal
-from deploy.launch.outcome import conclude
+from deploy.launch.outcome import conclude, interrupt, outcome_kept
 from deploy.launch.preparation import Prepared
 from deploy.launch.progress import Progress
 from deploy.observe.status import observe
@@ -46,7 +46,7 @@ def launch(prepared: Prepared, record: bool, faults: Sequence[Fault] = ()) -> in
 
     previous = {n: signal.signal(n, on_signal) for n in (signal.SIGTERM, signal.SIGINT)}
     try:
-        with ExitStack() as resources:
+        with outcome_kept(folder, config), ExitStack() as resources:
             progress = resources.enter_context(Progress(config))
             journal = Journal(folder.events, progress)
             jumping = (agent for fault in faults if fault.kind == "clock" for agent in fault.agents)
@@ -69,10 +69,12 @@ def launch(prepared: Prepared, record: bool, faults: Sequence[Fault] = ()) -> in
             for fault in chaos.faults if fleet.done else ():
                 progress.say(f"fault: {fault} never came: the run was over first")
         if interrupted.is_set():
+            interrupt(folder, config)
             print(f"stopped; go on with: swarm up --resume {folder.path}")
             return 130
-        conclude(folder, config, record)
-        return 0 if all(worker.failures <= len(BACKOFF) for worker in fleet.workers.values()) else 1
+        given_up = [w.agent for w in fleet.workers.values() if w.failures > len(BACKOFF)]
+        conclude(folder, config, record, given_up)
+        return 1 if given_up else 0
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)

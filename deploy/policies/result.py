@@ -1,85 +1,113 @@
-"""The final numbers of a run over tabular tasks: ``result.json`` and the table of ``swarm up``."""
+"""``result.json``: how a run ended and what it came to; one type for every kind of run.
+
+Interface: :class:`Result`, :func:`score` (what a finished run is worth), :func:`read_result` and
+:func:`write_result`, :func:`print_result`.
+
+A launcher writes the file at its start (``running``) and again at its end, whatever that is like.
+"""
+
+import time
+from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
+from rich.markup import escape
 
 from agent.config.experiment import SwarmFile
-from deploy.policies.scoring import SOLVED, Referee
-from swarm.mixing.consensus import consensus_errors
+from agent.learning.policies import Tabular
+from agent.storage.runfolder import RunFolder
+from deploy.policies.summary import NetworkScores, network_scores, print_network
+from deploy.policies.tables import TabularScores, print_tables, tabular_scores
+from swarm.errors import ConfigError
 
-WIDE = 6  # agents up to which the table shows each one's chances
+State = Literal["running", "finished", "incomplete", "interrupted", "failed"]
 
 
-class Result(msgspec.Struct, frozen=True, kw_only=True):
-    """The final numbers of a run over tabular tasks; ``result.json``.
+class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A run, as far as it came.
 
     Attributes:
         swarm: its name.
-        rounds: played by every agent.
-        tasks: id of the agent whose task it is, in the file's order.
-        goal, obstacle: ``[task][agent]`` probability to reach the goal, to hit an obstacle.
-        solved: ``[agent]`` number of tasks solved by its policy.
-        value: ``[agent]`` sum over tasks of its policy's value.
-        optimum: V*, the largest sum that any policy reaches; None where nobody knows it (tasks
-            that move by chance or in different ways).
-        consensus_error: ``[agent]`` distance from the mean parameters.
+        state: ``running``; ``finished``: every agent played its rounds; ``incomplete``: the
+            others did, but some were given up; ``interrupted`` by the user; ``failed``.
+        cause: why it failed, or who was given up; empty otherwise.
+        rounds: that were to be played.
+        reached: how far each agent came, of these.
+        started, ended: of the launcher [Unix s]; ``ended`` is None while it runs.
+        scores: what was learned, by the kind of policy (``"kind": "tabular"`` or ``"network"``);
+            None unless the run is finished or incomplete.
     """
 
     swarm: str
+    state: State
+    cause: str = ""
     rounds: int
-    tasks: tuple[str, ...]
-    goal: list[list[float]]
-    obstacle: list[list[float]]
-    solved: list[int]
-    value: list[float]
-    optimum: float | None
-    consensus_error: list[float]
+    reached: dict[str, int] = {}
+    started: float
+    ended: float | None = None
+    scores: TabularScores | NetworkScores | None = None
 
 
-def result_of(config: SwarmFile, thetas: NDArray[np.floating]) -> Result:
-    """Every agent's policy, theta (N, d), in every agent's task."""
-    referee = Referee(config)
-    scores = referee.judge(thetas)
-    return Result(
-        swarm=config.name,
-        rounds=config.rounds,
-        tasks=config.members,
-        goal=scores.goal[referee.tasks].tolist(),
-        obstacle=scores.obstacle[referee.tasks].tolist(),
-        solved=(scores.margins[referee.tasks] > SOLVED).sum(axis=0).tolist(),
-        value=scores.value.tolist(),
-        optimum=scores.optimum,
-        consensus_error=consensus_errors(thetas).tolist(),
+def score(folder: RunFolder, config: SwarmFile) -> TabularScores | NetworkScores:
+    """What the policies of a run are worth.
+
+    Raises:
+        CheckpointError: an agent left none that reads.
+    """
+    if not isinstance(config.policy, Tabular):
+        return network_scores(folder, config)
+    thetas = np.stack([folder.newest(agent).theta for agent in config.members])
+    return tabular_scores(config, thetas)
+
+
+def write_result(folder: RunFolder, result: Result) -> None:
+    """Keep a result in its run folder; whoever reads meanwhile finds the old one or the new one."""
+    draft = folder.result.with_suffix(".draft")
+    draft.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+    draft.replace(folder.result)
+
+
+def read_result(folder: RunFolder) -> Result | None:
+    """The result in a run folder; None where there is none.
+
+    Raises:
+        ConfigError: it does not read.
+    """
+    try:
+        return msgspec.json.decode(folder.result.read_bytes(), type=Result)
+    except FileNotFoundError:
+        return None
+    except (OSError, msgspec.MsgspecError) as error:
+        raise ConfigError(f'"{folder.result}" does not read: {error}') from None
+
+
+def print_result(result: Result, console: Console, folder: RunFolder) -> None:
+    """How the run ended, its table, and where to go on."""
+    begun = time.strftime("%Y-%m-%d %H:%M", time.localtime(result.started))
+    took = "" if result.ended is None else f" after {_duration(result.ended - result.started)}"
+    cause = f": {result.cause}" if result.cause else ""
+    console.print(
+        escape(f"swarm {result.swarm}, begun {begun}: {result.state}{took}{cause}"), soft_wrap=True
     )
+    match result.scores:
+        case TabularScores():
+            print_tables(result.scores, result.rounds, console)
+        case NetworkScores():
+            print_network(result.scores, result.rounds, console)
+            console.print(f"fly what was learned: swarm eval {folder.path}", soft_wrap=True)
+        case None:
+            reached = result.reached.values()
+            if reached:
+                console.print(f"rounds {min(reached)} to {max(reached)} of {result.rounds}")
+            console.print(f"go on with: swarm up --resume {folder.path}", soft_wrap=True)
+    if folder.recording.exists():
+        console.print(f"recording: {folder.recording}", soft_wrap=True)
+    console.print(f"run folder: {folder.path}", soft_wrap=True)
 
 
-def print_result(result: Result, console: Console) -> None:
-    """The table, and the line that sums it up."""
-    console.print(result_table(result))
-    line = f"tasks solved: {min(result.solved)} of {len(result.tasks)} by every agent's policy"
-    low, high = min(result.value), max(result.value)
-    if result.optimum is None:
-        console.print(f"{line}; sum of values {low:.3f} to {high:.3f}")
-    else:
-        low, high = low / result.optimum, high / result.optimum
-        console.print(f"{line}; V/V* {low:.3f} to {high:.3f} (V* {result.optimum:.3f})")
-    console.print(f"final consensus error: {max(result.consensus_error):.4f} (largest of all)")
-
-
-def result_table(result: Result) -> Table:
-    """Chances per task, under each agent's policy or (many agents) under the worst and the mean."""
-    table = Table(title=f"P(goal) / P(obstacle) after {result.rounds} rounds")
-    table.add_column("task of")
-    each = len(result.tasks) <= WIDE
-    for heading in [f"policy of {a}" for a in result.tasks] if each else ["worst", "mean"]:
-        table.add_column(heading, justify="right")
-    for task, goal, obstacle in zip(result.tasks, result.goal, result.obstacle, strict=True):
-        pairs = list(zip(goal, obstacle, strict=True))
-        if not each:
-            mean = (float(np.mean(goal)), float(np.mean(obstacle)))
-            pairs = [min(pairs, key=lambda pair: pair[0] - pair[1]), mean]
-        table.add_row(task, *(f"{g:.3f} / {o:.3f}" for g, o in pairs))
-    return table
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else (
+        f"{seconds:.1f} s")  # fmt: skip

@@ -18,7 +18,8 @@ from agent.storage.runfolder import RunFolder
 from deploy.chaos.faults import load_faults
 from deploy.chaos.namespaces import hosts, inside, settle
 from deploy.launch.journal import events
-from deploy.policies.result import Result
+from deploy.policies.result import read_result
+from deploy.policies.tables import TabularScores
 from deploy.reproduce import figures
 from deploy.reproduce.aftermath import TOLERATED as TIMES
 from deploy.reproduce.aftermath import Aftermath, Trace, examine, usual_disagreement
@@ -121,13 +122,15 @@ def _as_written(path: Path) -> list[RoundReport]:
 
 
 def _judge(config: SwarmFile, trace: Trace, folder: RunFolder, tolerated: float) -> Finished:
-    result = msgspec.json.decode(folder.result.read_bytes(), type=Result)
-    last = config.rounds - 1
-    assert result.optimum is not None
+    result = read_result(folder)
+    assert result is not None
+    scores, last = result.scores, config.rounds - 1
+    assert isinstance(scores, TabularScores)
+    assert scores.optimum is not None
     return Finished(
         examine(trace, int(BEGIN * config.rounds), tolerated),
-        solved=min(result.solved),
-        share=min(result.value) / result.optimum,
+        solved=min(scores.solved),
+        share=min(scores.value) / scores.optimum,
         lost=tuple(agent for agent, played in trace.reports.items() if played[-1].round != last),
     )
 

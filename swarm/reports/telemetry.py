@@ -127,7 +127,7 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         state: ``waiting`` for the swarm, ``learning``, ``finished``.
         round, rounds: where it is and where it ends; without common rounds, what it has learned.
         neighbours: with whom it exchanges.
-        value, disagreement: of the newest report.
+        value, distance, disagreement: of the newest report.
         sketch: of its parameters.
         rejected: messages refused, by cause.
         quarantined: senders that are shut out for now.
@@ -144,6 +144,7 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     rounds: int
     neighbours: dict[str, NeighbourStatus]
     value: float | None = None
+    distance: float | None = None
     disagreement: float | None = None
     sketch: tuple[float, ...] = ()
     rejected: dict[str, int] = {}

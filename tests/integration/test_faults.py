@@ -33,7 +33,7 @@ def chaos_file(folder: Path, *faults: str) -> Path:
 
 def check(folder: Path, output: str) -> dict[str, list[RoundReport]]:
     """All solved, little lost, nobody lost, no round played twice; the reports for more."""
-    result = json.loads(RunFolder(folder).result.read_text())
+    result = json.loads(RunFolder(folder).result.read_text())["scores"]
     assert result["solved"] == [4, 4, 4, 4], output
     assert min(result["value"]) / result["optimum"] > LEAST, output
     reports = {m: list(RunFolder(folder).reports(m)) for m in MEMBERS}
@@ -61,7 +61,7 @@ def test_kill_freeze_restart_and_slow_in_one_run(tmp_path: Path) -> None:
     )
     assert code == 0, output
     assert "drone1 was killed by SIGKILL" in output
-    result = json.loads(RunFolder(folder).result.read_text())
+    result = json.loads(RunFolder(folder).result.read_text())["scores"]
     assert result["solved"] == [4, 4, 4, 4]
     assert min(result["value"]) / result["optimum"] > LEAST
 
@@ -156,4 +156,6 @@ def test_an_agent_five_times_slower_does_not_slow_an_asynchronous_swarm(tmp_path
     for member in MEMBERS:
         assert any(report.weights for report in reports[member])  # and yet they do exchange
         assert reports[member][-1].learned == LEARNED
-    assert json.loads(RunFolder(folder).result.read_text())["solved"] == [4, 4, 4, 4], output
+    assert json.loads(RunFolder(folder).result.read_text())["scores"]["solved"] == [4, 4, 4, 4], (
+        output
+    )

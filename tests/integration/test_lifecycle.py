@@ -41,7 +41,7 @@ def test_make_run_solves_all_tasks_and_leaves_a_complete_run_folder(tmp_path: Pa
     assert "tasks solved: 4 of 4 by every agent's policy" in output
     folder = RunFolder((tmp_path / "runs" / "latest").resolve())
     assert folder.path.name in output
-    result = json.loads(folder.result.read_text())
+    result = json.loads(folder.result.read_text())["scores"]
     assert result["solved"] == [4, 4, 4, 4]
     goal, obstacle = np.array(result["goal"]), np.array(result["obstacle"])
     assert (goal - obstacle > 0.5).all()
@@ -147,7 +147,13 @@ def test_status_tells_healthy_degraded_and_nobody(tmp_path: Path) -> None:
         assert (code, summary["health"]) == (1, "degraded")
         assert "drone3 does not answer" in summary["problems"]
     code, summary = status(folder, tmp_path, timeout=0.5)
+    assert (code, summary["health"], summary["agents"]) == (1, "ended", {})
+    assert summary["result"]["state"] == "interrupted"
+    assert "interrupted after" in run("status", folder, cwd=tmp_path)[1]
+    RunFolder(folder).result.unlink()  # as if the launcher had been killed
+    code, summary = status(folder, tmp_path, timeout=0.5)
     assert (code, summary["health"], summary["agents"]) == (3, "nobody", {})
+    assert "the run told no end" in run("status", folder, cwd=tmp_path)[1]
 
 
 def test_single_agents_make_a_swarm_and_an_id_is_taken_once(tmp_path: Path) -> None:
