@@ -4,6 +4,7 @@ Defaults in the types <- TOML <- ``--set key=value``.  :func:`load` reads and ch
 before anything starts.
 """
 
+import logging
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
@@ -11,6 +12,8 @@ from typing import Annotated, Any, Literal, Protocol
 import msgspec
 from msgspec.structs import replace
 
+from agent.config.beside import located, look_in, missing, modules_of
+from agent.config.kinds import drop_foreign, kinds_in
 from agent.config.strict import convert, override, read_toml
 from agent.learning.estimators import ActorCritic, Estimator, Exact
 from agent.learning.optimizers import Adam, Optimizer, Sgd, decayed
@@ -26,6 +29,7 @@ from swarm.wire.keys import Keys, check_name
 from swarm.wire.security import OBSERVER, Party
 from swarm.wire.session import Network
 
+log = logging.getLogger(__name__)
 Count = Annotated[int, msgspec.Meta(ge=1)]
 
 
@@ -127,6 +131,9 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         network: how agents reach each other.
         timing: every wait.
         checkpoint_every: rounds between checkpoints.
+        modules: folders in which modules of tasks are looked for after what is installed, from the
+            file's; by default, where a task names a module that is not installed, the file's
+            folder and the working folder.
     """
 
     name: str
@@ -146,6 +153,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     network: Network = Network()
     timing: Timing = Timing()
     checkpoint_every: Count = 1
+    modules: tuple[str, ...] = ()
 
     @property
     def members(self) -> tuple[str, ...]:
@@ -197,12 +205,28 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 def load(path: Path, settings: Iterable[str] = ()) -> SwarmFile:
     """Read a swarm file (or the ``config.json`` of a run folder) and check all of it.
 
+    Paths in it count from the file and come back absolute; modules that its tasks name and that are
+    not installed are found from now on (:mod:`agent.config.beside`).
+
     Raises:
         ConfigError: one line that names file, key, value and what was expected.
     """
     config = read(read_toml(path), settings, str(path))
+    folder, here = path.parent.resolve(), Path.cwd()
     security = config.network.security.beside(path.parent)
-    return replace(config, network=replace(config.network, security=security))
+    network = replace(config.network, security=security)
+    agents = tuple(
+        replace(
+            agent,
+            task=replace(agent.task, kwargs=located(agent.task.kwargs, (folder, here))),
+        )
+        for agent in config.agents
+    )
+    modules = tuple(str((folder / place).resolve()) for place in config.modules)
+    if missing(modules_of([agent.task.env, agent.task.kwargs] for agent in agents)):
+        modules = modules or tuple(dict.fromkeys((str(folder), str(here))))
+        look_in(modules)
+    return replace(config, network=network, agents=agents, modules=modules)
 
 
 def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFile:
@@ -211,7 +235,12 @@ def read(tables: dict[str, Any], settings: Iterable[str], where: str) -> SwarmFi
     Raises:
         ConfigError: as :func:`load`.
     """
+    settings = tuple(settings)
+    before = kinds_in(tables, SwarmFile)
     override(tables, settings)
+    chosen = {setting.partition("=")[0] for setting in settings}
+    for line in drop_foreign(tables, SwarmFile, before, chosen):
+        log.warning("%s", line)
     if isinstance(policy := tables.get("policy"), dict):
         policy.setdefault("kind", "tabular")
     config = convert(tables, SwarmFile, where)

@@ -19,6 +19,7 @@ import msgspec
 import zenoh
 from msgspec.structs import replace
 
+from agent.config.beside import strings
 from agent.config.experiment import SwarmFile, Task, read
 from agent.config.strict import convert, override
 from swarm.errors import ConfigError, NetworkError, PayloadError
@@ -53,7 +54,7 @@ def serve_config(
 ) -> None:
     """Answer newcomers on Zenoh's thread; files of security stay where they are."""
     network = replace(config.network, security=Security())
-    text = msgspec.json.encode(replace(config, network=network))
+    text = msgspec.json.encode(replace(config, network=network, modules=()))
 
     def answer(query: zenoh.Query) -> None:
         query.reply(keys.config(agent), msgspec.msgpack.encode(Offer(round_(), text)))
@@ -160,6 +161,8 @@ def check_network(config: SwarmFile, sender: str, where: str) -> None:
         raise ConfigError(f'{where}: "{sender}" is none of its agents: expected one that is')
     if network.security != Security():
         raise ConfigError(f"{where} names files in [network.security]: expected none; {trust}")
+    if config.modules:
+        raise ConfigError(f'{where}: modules in "{config.modules[0]}": expected none; {trust}')
     if network.listen is not None:
         raise ConfigError(f'{where}: network.listen = "{network.listen}": expected none; {trust}')
     for member in config.members:
@@ -177,20 +180,9 @@ def check_task(task: Task, where: str) -> None:
     Raises:
         ConfigError: it names a module or a path.
     """
-    strings = [text for text in _strings(task.kwargs) if not _PLAIN.fullmatch(text)]
-    for text in strings if _ENVIRONMENT.fullmatch(task.env) else [task.env]:
+    texts = [text for text in strings(task.kwargs) if not _PLAIN.fullmatch(text)]
+    for text in texts if _ENVIRONMENT.fullmatch(task.env) else [task.env]:
         raise ConfigError(
             f'{where}: task names "{text}": expected sim:Name-v0 or Name-v0 and plain names; '
             "to trust more, start with the swarm file itself"
         )
-
-
-def _strings(value: Any) -> Iterable[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for key, inner in value.items():
-            yield from (key, *_strings(inner))
-    elif isinstance(value, list | tuple):
-        for inner in value:
-            yield from _strings(inner)

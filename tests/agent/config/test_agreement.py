@@ -49,10 +49,17 @@ def test_a_difference_is_named(setting: str, named: str) -> None:
         "timing.round=9",
         "checkpoint_every=7",
         'agents.0.endpoint="tcp/10.0.0.1:7450"',
+        'modules=["/home/somebody"]',
     ],
 )
 def test_what_is_a_machines_own_may_differ(setting: str) -> None:
     assert said(setting) == said()
+
+
+def test_a_file_is_known_by_its_name_wherever_it_lies() -> None:
+    scene = "agents.0.task.kwargs.scene="
+    assert said(f"{scene}/home/a/room.obj") == said(f"{scene}/etc/swarm/room.obj")
+    assert said(f"{scene}/home/a/room.obj") != said(f"{scene}/home/a/hall.obj")
 
 
 def test_it_fits_into_a_key_and_junk_is_no_meaning() -> None:

@@ -1,6 +1,8 @@
 """Swarm files: read strictly, overridden, and refused in one line that says why."""
 
+import sys
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 
 import msgspec
@@ -8,7 +10,8 @@ import pytest
 from msgspec import inspect as types
 
 from agent.config.experiment import SwarmFile, load
-from agent.learning.estimators import Exact
+from agent.learning.estimators import A2C, Exact
+from agent.learning.optimizers import Sgd
 from swarm.errors import ConfigError
 
 FILES = sorted((Path(__file__).parents[3] / "deploy" / "library" / "swarms").glob("*.toml"))
@@ -181,3 +184,75 @@ def test_every_number_of_a_swarm_file_has_a_lower_bound(
     key: str, kind: types.IntType | types.FloatType
 ) -> None:
     assert kind.ge is not None or kind.gt is not None, key
+
+
+def test_a_new_kind_drops_what_it_does_not_know_with_a_word(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    config = load(CARTPOLE, ["estimator.kind=a2c", "rounds=200"])
+    assert isinstance(config.estimator, A2C)
+    assert config.estimator.trace == 0.95  # what both kinds know stays
+    assert [record.message for record in caplog.records] == [
+        "estimator.kind = a2c: dropped epochs of ppo"
+    ]
+    caplog.clear()
+    kinds = ["optimizer.kind=sgd", "policy.kind=c3f2", "estimator.kind=reinforce"]
+    assert isinstance(load(CARTPOLE, kinds).optimizer, Sgd)
+    assert [record.message for record in caplog.records] == [
+        "estimator.kind = reinforce: dropped trace, epochs of ppo"
+    ]
+
+
+def test_keys_that_were_set_and_do_not_fit_are_mistakes() -> None:
+    with pytest.raises(ConfigError, match=r'unknown key "estimator\.epochs"'):
+        load(CARTPOLE, ["estimator.kind=a2c", "estimator.epochs=2"])
+    with pytest.raises(ConfigError, match=r"estimator\.kind"):
+        load(CARTPOLE, ["estimator.kind=nonsense"])
+    with pytest.raises(ConfigError, match=r'unknown key "estimator\.epochs"'):
+        load(CARTPOLE, ["estimator={kind='a2c', epochs=2}"])
+
+
+TASKS = """\
+name = "mine"
+estimator = { kind = "a2c" }
+policy = { kind = "network" }
+[[agents]]
+id = "a"
+task = { env = "MODULE:Lift-v0", kwargs = { mesh = "rooms/one.obj", more = ["x.txt", "no.txt"] } }
+"""
+
+
+def test_paths_and_modules_count_from_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project, elsewhere = tmp_path / "project", tmp_path / "elsewhere"
+    (project / "rooms").mkdir(parents=True)
+    elsewhere.mkdir()
+    for file in (project / "rooms" / "one.obj", elsewhere / "x.txt"):
+        file.write_text("")
+    (project / "lifts_of_this_test.py").write_text("")
+    file = project / "mine.toml"
+    file.write_text(TASKS.replace("MODULE", "lifts_of_this_test"))
+    monkeypatch.chdir(elsewhere)
+    monkeypatch.setattr("sys.path", list(sys.path))
+    config = load(file)
+    kwargs = config.agents[0].task.kwargs
+    assert kwargs["mesh"] == str(project / "rooms" / "one.obj")
+    assert kwargs["more"] == [str(elsewhere / "x.txt"), "no.txt"]
+    assert config.modules == (str(project), str(elsewhere))
+    assert sys.path[-2:] == [str(project), str(elsewhere)]  # nothing installed is hidden
+    assert import_module("lifts_of_this_test").__file__ == str(project / "lifts_of_this_test.py")
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "config.json").write_bytes(msgspec.json.encode(config))
+    monkeypatch.chdir(tmp_path)
+    assert load(run / "config.json") == config  # a run goes on from anywhere
+
+
+def test_what_is_installed_is_not_looked_for_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    before = list(sys.path)
+    assert load(CARTPOLE).modules == ()
+    assert sys.path == before

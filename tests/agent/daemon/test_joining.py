@@ -161,6 +161,7 @@ def test_with_certificates_the_file_is_needed() -> None:
         (('network.host="0.0.0.0"',), 'drone0 at "tcp/0.0.0.0:7450"'),
         (('agents.1.endpoint="tcp/[::]:7447"',), 'drone1 at "tcp/[::]:7447"'),
         (('agents.2.namespace="x"',), 'agent "drone2" on "x"'),
+        (('modules=["/tmp"]',), 'modules in "/tmp"'),
     ],
 )
 def test_a_received_file_opens_nothing_here(
