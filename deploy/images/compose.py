@@ -1,19 +1,23 @@
 """What ``swarm compose`` prints: a Docker Compose file for any swarm file.
 
-Interface: :func:`compose_file`.  Each agent has a container, beside it a vehicle, and a viewer
-serves the browser.  The containers share a network that leads nowhere else (Docker drops multicast
-there), so agents dial each other by service name and learn of the rest by gossip.  The resolved
-swarm file travels in the compose file itself.
+Interface: :func:`compose_file`.  Each agent has a container, and a viewer serves the browser.  The
+containers share a network that leads nowhere else (Docker drops multicast there), so agents dial
+each other by name and learn of the rest by gossip.  The resolved swarm file travels in the
+compose file itself.
 
 Where a task flies a vehicle, its own (``body = "mavlink"``) or another one
-(``"agent.vehicle.body:vehicle_bodies"``), it flies the container beside the agent, in real time and
-in the same scene; the vehicles of other swarms stand by.
+(``"agent.vehicle.body:vehicle_bodies"``), a container beside the agent is that vehicle, in real
+time and in the same scene.
+
+Ids may be words that YAML reads as something else (``1``, ``null``, ``0x10``, ``1e3``): whatever is
+not plainly a word is quoted.
 """
 
-import json
-from string import Template
+import re
+from typing import Any
 
 import msgspec
+import yaml
 from msgspec.structs import replace
 
 from agent.config.experiment import AgentEntry, SwarmFile, Task
@@ -26,79 +30,26 @@ MAVLINK = 14580  # on which a vehicle listens
 BODY = "agent.vehicle.body:vehicle_bodies"
 FLIES = ("mavlink", BODY)  # bodies that are vehicles
 SYSTEMS = 250  # MAVLink system ids are 1 to 250 for vehicles
+STATE = "/var/lib/swarm"  # where an agent keeps its run, in its container
 
-HEAD = Template("""\
-# Written by: swarm compose $source
+HEAD = """\
+# Written by: swarm compose {source}
 #
 #   docker compose up --build --wait    # builds, starts, returns when all are healthy
 #   docker compose exec viewer swarm status /etc/swarm/swarm.json
 #   docker compose down --volumes       # without --volumes the next `up` goes on where this ended
 #
 # The viewer: http://localhost:9090/?url=rerun%2Bhttp://localhost:9876/proxy
-name: $name
-
-x-build: &build
-  context: $context
-  dockerfile: deploy/images/Dockerfile
-  args:
-    BASE: $${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}
-    TORCH_INDEX: $${TORCH_INDEX:-}
-    POLICY: $policy
-    WORLDS: $worlds
-
-x-container: &container
-  init: true
-  restart: on-failure
-  cap_drop: [ALL]
-  security_opt: ["no-new-privileges:true"]
-  networks: [swarm]
-  stop_grace_period: 15s  # a drone lands meanwhile
-
-x-agent: &agent
-  <<: *container
-  image: dcpg-swarm-agent:$policy
-  configs: [{source: swarm, target: /etc/swarm/swarm.json}]
-
-x-vehicle: &vehicle
-  <<: *container
-  image: dcpg-swarm-vehicle
-
-services:
-""")
-AGENT = Template("""\
-  $agent:
-    <<: *agent
-    command: [--id, $agent]
-    depends_on: [$vehicle]
-    volumes: ["$agent:/var/lib/swarm"]$build_agent
-
-  $vehicle:
-    <<: *vehicle
-    command: $options$build_vehicle
-
-""")
-BUILD = "\n    build: {<<: *build, target: %s}"  # said once for each image
-VIEWER = """\
-  viewer:
-    <<: *container
-    image: dcpg-swarm-viewer
-    build: {<<: *build, target: viewer}
-    configs: [{source: swarm, target: /etc/swarm/swarm.json}]
-    networks: [swarm, outside]
-    ports: ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"]
-
-networks:
-  swarm: {internal: true}
-  outside: {}
-
-volumes:
 """
-TAIL = Template("""
-configs:
-  swarm:
-    content: |
-$content
-""")
+CONTAINER: dict[str, Any] = {
+    "init": True,
+    "restart": "on-failure",
+    "cap_drop": ["ALL"],
+    "security_opt": ["no-new-privileges:true"],
+    "networks": ["swarm"],
+    "stop_grace_period": "15s",  # a drone lands meanwhile
+}
+SWARM_FILE = {"configs": [{"source": "swarm", "target": "/etc/swarm/swarm.json"}]}
 
 
 def in_containers(config: SwarmFile) -> SwarmFile:
@@ -113,13 +64,13 @@ def in_containers(config: SwarmFile) -> SwarmFile:
         )
     if len(config.agents) > SYSTEMS:
         raise ConfigError(f"{len(config.agents)} agents: expected at most {SYSTEMS}")
-    for taken in ("viewer", *(vehicle_of(member) for member in config.members)):
+    for taken in ("viewer", *(vehicle_of(a.id) for a in config.agents if flies(a))):
         if taken in config.members:
             raise ConfigError(f'agent "{taken}": expected an id that is no other service\'s')
     agents = tuple(
         replace(
             agent,
-            endpoint=f"tcp/{agent.id}:{PORT}",
+            endpoint=f"tcp/{host_of(agent.id)}:{PORT}",
             namespace=None,
             device=None,
             task=_beside_its_vehicle(agent),
@@ -136,10 +87,15 @@ def in_containers(config: SwarmFile) -> SwarmFile:
     return replace(config, agents=agents, network=network)
 
 
+def flies(agent: AgentEntry) -> bool:
+    """Whether an agent's task flies a vehicle."""
+    return agent.task.kwargs.get("body") in FLIES
+
+
 def _beside_its_vehicle(agent: AgentEntry) -> Task:
-    kwargs = agent.task.kwargs
-    if kwargs.get("body") not in FLIES:
+    if not flies(agent):
         return agent.task
+    kwargs = agent.task.kwargs
     given = kwargs.get("body_options", {}) if kwargs["body"] == BODY else {}
     options = given | {"vehicle": f"udpout:{vehicle_of(agent.id)}:{MAVLINK}"}
     return replace(agent.task, kwargs=kwargs | {"body": BODY, "body_options": options})
@@ -148,11 +104,16 @@ def _beside_its_vehicle(agent: AgentEntry) -> Task:
 def vehicle_options(agent: AgentEntry, system: int) -> list[str]:
     """Options of ``swarm vehicle`` for the container beside an agent."""
     kwargs = agent.task.kwargs
-    options = ["--sysid", str(system), "--host", "0.0.0.0", "--ground-port", "0"]  # noqa: S104
-    if kwargs.get("body") in FLIES:
-        flavour = kwargs.get("body_options", {}).get("flavour", "px4")
-        options += ["--flavour", flavour, "--scene", str(kwargs.get("scene", NAMES[0]))]
-    return options
+    flavour = kwargs.get("body_options", {}).get("flavour", "px4")
+    return [
+        *("--sysid", str(system), "--host", "0.0.0.0", "--ground-port", "0"),  # noqa: S104
+        *("--flavour", flavour, "--scene", str(kwargs.get("scene", NAMES[0]))),
+    ]
+
+
+def host_of(agent: str) -> str:
+    """Under which name the others dial an agent; an id like 1 or 0x10 would be an address."""
+    return f"agent-{agent}"
 
 
 def vehicle_of(agent: str) -> str:
@@ -172,26 +133,105 @@ def compose_file(config: SwarmFile, source: str, context: str) -> str:
         ConfigError: it has what containers of this kind cannot have.
     """
     inside = in_containers(config)
-    name = config.name.lower().replace(".", "-")
-    scenes = {str(agent.task.kwargs.get("scene", "")) for agent in inside.agents}
-    worlds = json.dumps(" ".join(sorted(scenes & set(NAMES))))
-    policy = "tabular" if isinstance(config.policy, Tabular) else "neural"  # as in the Dockerfile
-    parts = [
-        HEAD.substitute(source=source, name=name, context=context, policy=policy, worlds=worlds)
-    ]
+    content = msgspec.json.format(msgspec.json.encode(inside), indent=2).decode()
+    tables = {
+        "name": re.sub(r"[^a-z0-9_-]", "-", config.name.lower()).lstrip("_-") or "swarm",
+        "services": _services(config, _build(config, context)),
+        "networks": {"swarm": {"internal": True}, "outside": {}},
+        "volumes": {agent: {} for agent in config.members},
+        "configs": {"swarm": {"content": _literally(content) + "\n"}},
+    }
+    head = HEAD.format(source=" ".join(source.split()))
+    text: str = yaml.dump(
+        tables, Dumper=_Dumper, sort_keys=False, width=10_000, default_flow_style=None
+    )
+    return head + text
+
+
+def _build(config: SwarmFile, context: str) -> dict[str, Any]:
+    """How images are built; ``target`` is added for each."""
+    scenes = {str(agent.task.kwargs.get("scene", "")) for agent in config.agents}
+    return {
+        "context": _literally(context),
+        "dockerfile": "deploy/images/Dockerfile",
+        "args": {
+            "BASE": "${DOCKER_UP_IMAGE:-python:3.11-slim-bookworm}",
+            "TORCH_INDEX": "${TORCH_INDEX:-}",
+            "POLICY": _policy(config),
+            "WORLDS": " ".join(sorted(scenes & set(NAMES))),
+        },
+    }
+
+
+def _services(config: SwarmFile, build: dict[str, Any]) -> dict[str, Any]:
+    """Agents, vehicles and the viewer; how an image is built is said where it is used first."""
+    services: dict[str, Any] = {}
+    unbuilt = {"agent", "vehicle"}
+
+    def built(target: str) -> dict[str, Any]:
+        if target not in unbuilt:
+            return {}
+        unbuilt.discard(target)
+        return {"build": build | {"target": target}}
+
     for place, agent in enumerate(config.agents):
-        first = place == 0
-        parts.append(
-            AGENT.substitute(
-                agent=agent.id,
-                vehicle=vehicle_of(agent.id),
-                options=json.dumps(vehicle_options(agent, place + 1)),
-                build_agent=BUILD % "agent" if first else "",
-                build_vehicle=BUILD % "vehicle" if first else "",
-            )
-        )
-    parts += [VIEWER, *(f"  {agent}:\n" for agent in inside.members)]
-    text = msgspec.json.format(msgspec.json.encode(inside), indent=2).decode()
-    text = text.replace("$", "$$")  # Compose would put variables in their place
-    parts.append(TAIL.substitute(content="\n".join(f"      {line}" for line in text.splitlines())))
-    return "".join(parts)
+        services[agent.id] = {
+            "image": f"dcpg-swarm-agent:{_policy(config)}",
+            **built("agent"),
+            "command": ["--id", agent.id],
+            **({"depends_on": [vehicle_of(agent.id)]} if flies(agent) else {}),
+            "volumes": [{"type": "volume", "source": agent.id, "target": STATE}],
+            **SWARM_FILE,
+            **CONTAINER,
+            "networks": {"swarm": {"aliases": [host_of(agent.id)]}},
+        }
+        if flies(agent):
+            services[vehicle_of(agent.id)] = {
+                "image": "dcpg-swarm-vehicle",
+                **built("vehicle"),
+                "command": vehicle_options(agent, place + 1),
+                **CONTAINER,
+            }
+    services["viewer"] = {
+        "image": "dcpg-swarm-viewer",
+        "build": build | {"target": "viewer"},
+        "ports": ["127.0.0.1:9090:9090", "127.0.0.1:9876:9876"],
+        **SWARM_FILE,
+        **CONTAINER,
+        "networks": ["swarm", "outside"],
+    }
+    return services
+
+
+def _policy(config: SwarmFile) -> str:
+    """As in the Dockerfile."""
+    return "tabular" if isinstance(config.policy, Tabular) else "neural"
+
+
+def _literally(text: str) -> str:
+    """Text in which Compose puts no variables."""
+    return text.replace("$", "$$")
+
+
+class _Dumper(yaml.SafeDumper):  # type: ignore[misc]
+    """Quotes what a YAML reader of any version might take for something else than a string."""
+
+    def ignore_aliases(self, data: Any) -> bool:
+        """Everything stands where it belongs."""
+        return True
+
+
+_WORD = re.compile(r"[A-Za-z][\w./-]*")
+_NO_WORDS = {"y", "n", "yes", "no", "on", "off", "true", "false", "null", "nan", "inf"}
+
+
+def _text(dumper: _Dumper, text: str) -> yaml.Node:
+    style = "'"
+    if "\n" in text:
+        style = "|"
+    elif _WORD.fullmatch(text) and text.lower() not in _NO_WORDS:
+        style = ""
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(str, _text)

@@ -1,10 +1,13 @@
 """What ``swarm compose`` writes, and the one that is kept."""
 
 import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 import msgspec
 import pytest
+import yaml
 
 from agent.config.experiment import AgentEntry, SwarmFile, Task, load
 from agent.learning.estimators import A2C, Exact
@@ -25,8 +28,7 @@ def swarm_of(*ids: str, task: Task = GRID) -> SwarmFile:
 
 def inside(text: str, path: Path) -> SwarmFile:
     """The swarm file that travels in a compose file, as an agent reads it."""
-    content = text.split("    content: |\n")[1].replace("$$", "$")
-    path.write_text(content)
+    path.write_text(yaml.safe_load(text)["configs"]["swarm"]["content"].replace("$$", "$"))
     return load(path)
 
 
@@ -39,22 +41,54 @@ def test_the_one_that_is_kept_is_what_its_first_line_says() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 4, 12])
-def test_every_agent_has_a_container_a_vehicle_and_a_name_to_be_dialled(
-    count: int, tmp_path: Path
-) -> None:
+def test_every_agent_has_a_container_and_a_name_to_be_dialled(count: int, tmp_path: Path) -> None:
     config = swarm_of(*(f"d{i}" for i in range(count)))
     text = compose_file(config, "test.toml", ".")
-    for i in range(count):
-        assert f"\n  d{i}:\n    <<: *agent\n    command: [--id, d{i}]" in text
-        assert f'\n  d{i}-vehicle:\n    <<: *vehicle\n    command: ["--sysid", "{i + 1}"' in text
-    assert text.count("build: {") == 3
-    assert "\nname: test-1\n" in text
-    assert "image: dcpg-swarm-agent:tabular" in text
+    tables = yaml.safe_load(text)
+    services = tables["services"]
+    assert set(services) == {*config.members, "viewer"}  # nobody flies, so there is no vehicle
+    for member in config.members:
+        assert services[member]["command"] == ["--id", member]
+        assert services[member]["networks"]["swarm"]["aliases"] == [f"agent-{member}"]
+        assert services[member]["image"] == "dcpg-swarm-agent:tabular"
+    assert [name for name, service in services.items() if "build" in service] == ["d0", "viewer"]
+    assert tables["name"] == "test-1"
     found = inside(text, tmp_path / "swarm.json")
     assert found == in_containers(config)
-    assert found.endpoint("d0") == "tcp/d0:7447"
+    assert found.endpoint("d0") == "tcp/agent-d0:7447"
     assert found.network.listen == "tcp/0.0.0.0:7447"
     assert found.network.gossip
+
+
+WORDS = ("1", "n", "no", "on", "null", "0x10", "1e3", "1.5", "0755", "true", "0o17", "1_0", "NaN")
+
+
+def test_ids_that_yaml_reads_as_something_else_stay_what_they_are(tmp_path: Path) -> None:
+    config = swarm_of(*WORDS)
+    text = compose_file(config, "test.toml", ".")
+    tables = yaml.safe_load(text)  # of YAML 1.1; for that of 1.2, all of them are quoted
+    assert set(tables["services"]) == {*WORDS, "viewer"}
+    assert set(tables["volumes"]) == set(WORDS)
+    for word in WORDS:
+        assert f"\n  '{word}':\n" in text
+        assert tables["services"][word]["command"] == ["--id", word]
+        assert tables["services"][word]["volumes"][0]["source"] == word
+    assert inside(text, tmp_path / "swarm.json").members == WORDS
+    if shutil.which("docker"):
+        (tmp_path / "compose.yaml").write_text(text)
+        done = subprocess.run(
+            ["docker", "compose", "-f", tmp_path / "compose.yaml", "config", "--services"],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert set(done.stdout.split()) == {*WORDS, "viewer"}, done.stderr
+
+
+def test_a_line_break_in_a_setting_stays_in_the_comment() -> None:
+    text = compose_file(swarm_of("d0"), "a.toml --set 'x=1\nservices: {}'", ".")
+    assert list(yaml.safe_load(text)["services"]) == ["d0", "viewer"]
 
 
 @pytest.mark.parametrize(
@@ -73,16 +107,20 @@ def test_who_flies_a_vehicle_flies_the_one_beside_it(
     kept = {"speed": 0.5} if body == BODY else {}
     assert flown["body"] == BODY
     assert flown["body_options"] == kept | {"vehicle": "udpout:d0-vehicle:14580"}
-    text = compose_file(config, "test.toml", ".")
-    assert f'"--flavour", "{flavour}", "--scene", "indoor-long"]' in text
-    assert 'WORLDS: "indoor-long"' in text
+    services = yaml.safe_load(compose_file(config, "test.toml", "."))["services"]
+    assert services["d0"]["depends_on"] == ["d0-vehicle"]
+    command = services["d0-vehicle"]["command"]
+    assert command[-4:] == ["--flavour", flavour, "--scene", "indoor-long"]
+    assert command[:2] == ["--sysid", "1"]
+    assert services["d0-vehicle"]["build"]["target"] == "vehicle"
+    assert services["d0"]["build"]["args"]["WORLDS"] == "indoor-long"
 
 
 def test_a_network_gets_the_image_with_pytorch() -> None:
     config = msgspec.structs.replace(swarm_of("d0"), policy=C3F2(), estimator=A2C())
     text = compose_file(config, "test.toml", ".")
     assert "POLICY: neural" in text
-    assert "image: dcpg-swarm-agent:neural" in text
+    assert "dcpg-swarm-agent:neural" in text
 
 
 def test_a_dollar_is_kept_from_compose(tmp_path: Path) -> None:
@@ -92,10 +130,13 @@ def test_a_dollar_is_kept_from_compose(tmp_path: Path) -> None:
     assert inside(text, tmp_path / "swarm.json").agents[0].task.kwargs == {"layout": "${HOME}"}
 
 
-@pytest.mark.parametrize("ids", [("viewer",), ("a", "a-vehicle")])
-def test_a_name_is_given_once(ids: tuple[str, ...]) -> None:
+FLIGHT = Task("sim:IndoorFlight-v0", {"scene": "indoor-long", "body": "mavlink"})
+
+
+@pytest.mark.parametrize(("ids", "task"), [(("viewer",), GRID), (("a", "a-vehicle"), FLIGHT)])
+def test_a_name_is_given_once(ids: tuple[str, ...], task: Task) -> None:
     with pytest.raises(ConfigError, match="no other service"):
-        in_containers(swarm_of(*ids))
+        in_containers(swarm_of(*ids, task=task))
 
 
 def test_security_is_not_lost_silently() -> None:
