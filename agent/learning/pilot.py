@@ -7,7 +7,9 @@ its header how to build the network.
 """
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Self
 
 import msgspec
@@ -119,15 +121,20 @@ class Pilot:
         dice = None if greedy else self._random.random(len(observations))
         return self.flat.choose(observations, dice)
 
-    def save(self, path: Path) -> None:
-        """Write a file that :meth:`load` reads: one tensor per part, the form in the header."""
+    def save(self, path: Path, notes: Mapping[str, str] = MappingProxyType({})) -> None:
+        """Write a file that :meth:`load` reads: one tensor per part, the form in the header.
+
+        Args:
+            path: where to.
+            notes: what else the header is to hold.
+        """
         tensors, at = {}, 0
         for name, shape in self.flat.parts:
             size = int(np.prod(shape))
             tensors[name] = self.theta[at : at + size].reshape(shape)
             at += size
         draft = path.with_suffix(".draft")
-        draft.write_bytes(save(tensors, {"form": msgspec.json.encode(self.form).decode()}))
+        draft.write_bytes(save(tensors, {**notes, "form": msgspec.json.encode(self.form).decode()}))
         draft.replace(path)
 
 

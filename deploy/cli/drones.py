@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy.cli.mistakes import plain_errors
-from deploy.cli.options import AsJson, OneAgent, Scenes, Seed
+from deploy.cli.options import AsJson, MaybePolicy, OneAgent, Scenes, Seed
 from deploy.process.signals import stop_on_signals
 from swarm.errors import ConfigError
 
@@ -82,12 +82,7 @@ def vehicle(
 
 @app.command()
 def fly(
-    source: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False
-        ),
-    ] = None,
+    source: MaybePolicy = None,
     vehicle: Annotated[
         str | None,
         typer.Option(metavar="CONNECTION", help="Fly this drone, e.g. udpin:0.0.0.0:14540."),

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from agent.config.experiment import load
-from deploy.cli.options import File, Settings
+from deploy.cli.options import File, MaybeFile, Settings
 
 app = typer.Typer()
 
@@ -33,9 +33,7 @@ def compose(
 @app.command()
 def certs(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where the certificates are kept.")],
-    file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="Swarm file: its agents and their hosts.")
-    ] = None,
+    file: MaybeFile = None,
     settings: Settings = None,
     agents: Annotated[
         str, typer.Option(metavar="ID,ID,...", help="Agents, instead of or beside those of FILE.")
@@ -53,7 +51,7 @@ def certs(
 ) -> None:
     """Make the certificates that [network.security] names.
 
-    An authority, and a certificate for each agent and for observers.
+    An authority, and a certificate for each agent of FILE (or --agents) and for observers.
 
     Running it again adds what is missing and leaves the rest alone.
     """

@@ -12,7 +12,7 @@ from agent.daemon.joining import fetch_config
 from agent.daemon.process import run_agent
 from agent.storage.runfolder import RunFolder
 from agent.storage.runs import RUNS
-from deploy.cli.options import Device, MaybeFile, Settings, on
+from deploy.cli.options import Chaos, Device, MaybeFile, Settings, on
 from deploy.process.logs import log_to
 from deploy.process.signals import stop_on_signals
 from swarm.wire.keys import check_name
@@ -31,9 +31,7 @@ def up(
         Path | None, typer.Option(metavar="DIR", help="Run folder; default runs/NAME-DATE.")
     ] = None,
     record: Annotated[bool, typer.Option(help="Write recording.rrd for Rerun.")] = True,
-    chaos: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Faults to inject, see deploy/chaos.")
-    ] = None,
+    chaos: Chaos = None,
     device: Device = None,
 ) -> None:
     """Run all agents of a swarm file, to their result."""

@@ -11,12 +11,13 @@ from typing import Annotated
 
 import typer
 
-from deploy.cli import drones, images, launch, observe, policies, reproduce
+from deploy.cli import drones, images, launch, library, observe, policies, reproduce
 from deploy.cli.mistakes import one_line
 
 app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
 for group in (launch, observe, policies, drones, images):
     app.add_typer(group.app)
+app.add_typer(library.app, name="library")
 app.add_typer(reproduce.app, name="reproduce")
 
 

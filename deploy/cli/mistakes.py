@@ -4,17 +4,14 @@ Interface: :func:`one_line` around a whole command, :func:`plain_errors` around 
 standard library's exceptions.  What is none of the user's doing keeps its traceback.
 """
 
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import metadata
 
 import typer
 
+from deploy.process.packages import needs
 from swarm.errors import ConfigError, SwarmError
-
-PACKAGES = {"rerun": "rerun-sdk", "PIL": "pillow", "yaml": "PyYAML"}  # module -> its package
 
 
 @contextmanager
@@ -34,7 +31,7 @@ def one_line() -> Iterator[None]:
     except typer.Abort:
         _end("stopped", 130)
     except ModuleNotFoundError as error:
-        if (told := absent(error)) is None:
+        if (told := needs(error.name or "")) is None:
             raise
         _end(told, ConfigError.exit_code)
     except OSError as error:
@@ -52,17 +49,6 @@ def plain_errors() -> Iterator[None]:
         raise
     except (ValueError, OSError, ImportError) as error:
         raise ConfigError(str(error)) from None
-
-
-def absent(error: ModuleNotFoundError) -> str | None:
-    """Which package to install, where one of ours is missing; None where it is none of ours."""
-    name = (error.name or "").partition(".")[0]
-    package = PACKAGES.get(name, name)
-    for wanted in metadata.requires("dcpg-swarm") or ():
-        requirement = wanted.partition(";")[0].strip()
-        if re.split(r"[^\w.-]", requirement)[0].lower() == package.lower():
-            return f'this needs {package}, which is not installed: pip install "{requirement}"'
-    return None
 
 
 def _end(message: str, code: int) -> None:

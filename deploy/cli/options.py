@@ -6,20 +6,56 @@ from typing import Annotated
 
 import typer
 
-File = Annotated[
-    Path, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
-]
-MaybeFile = Annotated[
-    Path | None, typer.Argument(metavar="FILE", help="Swarm file (TOML).", show_default=False)
-]
+from deploy.library import FAULTS, POLICIES, SWARMS, find
+
+
+def swarm_file(path: Path | None) -> Path | None:
+    """The swarm file that is meant: a path, or a name in the library."""
+    return path and find(path, SWARMS)
+
+
+def chaos_file(path: Path | None) -> Path | None:
+    """The chaos file that is meant."""
+    return path and find(path, FAULTS)
+
+
+def policy(path: Path | None) -> Path | None:
+    """The run folder or policy that is meant."""
+    return path and find(path, POLICIES)
+
+
+_FILE = typer.Argument(
+    metavar="FILE",
+    help="Swarm file (TOML), or a name in the library.",
+    show_default=False,
+    callback=swarm_file,
+)
+_POLICY = typer.Argument(
+    metavar="RUN|FILE",
+    help="Run folder, exported policy, or a name in the library.",
+    show_default=False,
+    callback=policy,
+)
+File = Annotated[Path, _FILE]
+MaybeFile = Annotated[Path | None, _FILE]
 Target = Annotated[
     Path | None,
-    typer.Argument(metavar="FILE|RUN", help="Swarm file or run folder; default: the newest."),
+    typer.Argument(
+        metavar="FILE|RUN",
+        help="Swarm file, a name in the library, or run folder; default: the newest run.",
+        callback=swarm_file,
+    ),
 ]
-Policy = Annotated[
-    Path,
-    typer.Argument(metavar="RUN|FILE", help="Run folder, or exported policy.", show_default=False),
+Chaos = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help='Faults to inject: a chaos file, or a name in the library ("swarm library").',
+        callback=chaos_file,
+    ),
 ]
+Policy = Annotated[Path, _POLICY]
+MaybePolicy = Annotated[Path | None, _POLICY]
 Settings = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key of the file; repeatable."),

@@ -31,8 +31,11 @@ def eval_(
 
     from agent.storage.runfolder import RunFolder  # noqa: PLC0415
     from deploy.policies.evaluate import evaluate, print_evaluation  # noqa: PLC0415
+    from deploy.policies.header import header_of  # noqa: PLC0415
     from deploy.process.news import working  # noqa: PLC0415
 
+    if not json and source.suffix == ".safetensors" and (header := header_of(source)):
+        print(*header.lines(), sep="\n", flush=True)
     with working(f"evaluating {source}") as news:
         result = evaluate(source, agent, flights, seed, jobs, scenes or (), news.line, news.say)
     text = msgspec.json.format(msgspec.json.encode(result), indent=2)
@@ -54,17 +57,21 @@ def export(
         ),
     ] = None,
     to: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Default: RUN/policy.FORMAT.")
+        Path | None, typer.Option(metavar="FILE", help="Default: policy.FORMAT in RUN, or here.")
     ] = None,
+    licence: Annotated[
+        str, typer.Option(metavar="SPDX", help="Licence of the policy, e.g. Apache-2.0.")
+    ] = "",
 ) -> None:
     """Write the learned policy as one file.
 
-    Observations in, action preferences out.
+    Observations in, action preferences out.  The file says where it comes from, what its actions
+    mean and, after "swarm eval", how far it flies; "swarm eval FILE" begins with that.
     """
     from deploy.policies.export import destination, export  # noqa: PLC0415
     from deploy.process.news import working  # noqa: PLC0415
 
     chosen, path = destination(source, form, to)
     with working(f"writing {path}"):
-        export(source, agent, chosen, path)
+        export(source, agent, chosen, path, licence)
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")

@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from agent.storage.runs import RUNS
+from deploy.process.packages import needs
 from deploy.process.signals import StoppedError, stopping_at_signals
 from deploy.reproduce.claims import Findings, Options, Study, publish
 from swarm.errors import SwarmError
@@ -68,9 +69,7 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
 
 def _need_figures() -> None:
     if find_spec("matplotlib") is None:
-        raise SwarmError(
-            'figures need matplotlib, which is not installed: pip install "dcpg-swarm[figures]"'
-        )
+        raise SwarmError(needs("matplotlib", "a study") or "matplotlib is not installed")
 
 
 def _console() -> Console:
@@ -170,9 +169,7 @@ def network(
     agents: Annotated[int, typer.Option(min=4, max=8, help="Processes, each on its own host.")] = 4,
     fault: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME", help="A file of deploy/library/faults; repeatable; default all."
-        ),
+        typer.Option(metavar="NAME", help="One of the library's faults; repeatable; default: all."),
     ] = None,
     quick: Quick = False,
     out: Out = RESULTS,

@@ -24,6 +24,7 @@ from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
 from agent.vehicle.connection import parse
 from deploy.flying.pilots import make_pilot
 from deploy.process.news import News
+from deploy.process.packages import needs
 from deploy.process.signals import StoppedError, stopping_at_signals
 from sim.indoor.content.scene import Scene, check, load
 from sim.indoor.flight.body import home_of
@@ -259,6 +260,6 @@ def _film(stack: ExitStack, path: Path, scene: Scene, say: Callable[[str], None]
     try:
         from deploy.viewer.film import FlightFilm  # noqa: PLC0415
     except ImportError:
-        say('no flight.rrd, since rerun-sdk is not installed: pip install "dcpg-swarm[viewer]"')
+        say(needs("rerun", "flight.rrd") or "no flight.rrd: rerun-sdk is not installed")
         return _NoFilm()
     return stack.enter_context(FlightFilm(path, scene))

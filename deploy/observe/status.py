@@ -57,7 +57,7 @@ def find_config(target: Path | None, settings: Iterable[str] = ()) -> Target:
     if target is None:
         raise ConfigError(
             f'no run in "{RUNS}/": expected a swarm file or run folder as argument '
-            "(or start one: swarm up deploy/library/swarms/gridworld-a.toml)"
+            "(or start one: swarm up gridworld-a)"
         )
     return Target(load(path, settings), None)
 

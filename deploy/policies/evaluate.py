@@ -10,10 +10,9 @@ from concurrent.futures import ProcessPoolExecutor, wait
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import SynchronizedArray
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
-import msgspec
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
@@ -24,6 +23,7 @@ from agent.learning.pilot import Pilot, use_threads
 from agent.learning.rollout import Choice, Observations
 from agent.storage.runfolder import open_run
 from deploy.flying.warmup import FLIGHT, warm_up
+from deploy.policies.evaluation import MODES, Cell, Evaluation, Mode
 from deploy.policies.flights import Flown, fly_quota
 from sim.indoor.content.scenes import NAMES, TRAINED
 from swarm.errors import ConfigError
@@ -31,47 +31,6 @@ from swarm.errors import ConfigError
 MOST_STEPS = 2500  # 1 km
 SIDE_BY_SIDE = 20  # flights at a time
 LOOK = 0.5  # [s] between two looks at how far the workers are
-Mode = Literal["greedy", "stochastic"]
-MODES: tuple[Mode, ...] = ("greedy", "stochastic")
-
-
-class Cell(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Flights in one world.
-
-    Attributes:
-        mode: how actions were chosen.
-        flights: how many.
-        mean, deviation: of their length [m], or of their sum of rewards.
-        capped: share that was still flying after :data:`MOST_STEPS`.
-    """
-
-    mode: Mode
-    flights: int
-    mean: float
-    deviation: float
-    capped: float
-
-
-class Evaluation(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What ``eval.json`` holds.
-
-    Attributes:
-        source: what flew.
-        agent: whose parameters; None for the mean of all.
-        measure: "m" or "return".
-        seed: of the first world.
-        cells: by world.
-    """
-
-    source: str
-    agent: str | None
-    measure: str
-    seed: int
-    cells: dict[str, list[Cell]]
-
-    def mean(self, world: str, mode: Mode) -> float:
-        """Mean of one cell."""
-        return next(cell.mean for cell in self.cells[world] if cell.mode == mode)
 
 
 def worlds_of(config: SwarmFile | None) -> dict[str, Task]:

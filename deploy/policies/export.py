@@ -8,13 +8,17 @@ argmax.  The arithmetic is float32, whatever the policy was trained with.
 import logging
 import os
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 import msgspec
 import torch
 from torch import Tensor, nn
 
 from agent.learning.pilot import Pilot
+from deploy.policies.header import notes
+from deploy.policies.provenance import describe
 from swarm.errors import ConfigError
 
 FORMATS = ("safetensors", "onnx")
@@ -38,7 +42,7 @@ def destination(source: Path, form: str | None, to: Path | None) -> tuple[str, P
     Args:
         source: run folder, or exported file.
         form: one of :data:`FORMATS`; None: as ``to`` ends.
-        to: None: beside the source.
+        to: None: in the run folder; of a file, here.
 
     Raises:
         ConfigError: there is no such format, the name ends as another one, or nothing can be
@@ -54,7 +58,7 @@ def destination(source: Path, form: str | None, to: Path | None) -> tuple[str, P
     if named in FORMATS and named != form:
         raise ConfigError(f'--to "{to}" with --format {form}: expected a name in .{form}')
     if to is None:
-        to = (source if source.is_dir() else source.parent) / f"policy.{form}"
+        to = (source if source.is_dir() else Path()) / f"policy.{form}"
     if to.is_dir():
         raise ConfigError(f'--to "{to}" is a folder: expected the name of a file')
     if not to.parent.is_dir():
@@ -64,23 +68,30 @@ def destination(source: Path, form: str | None, to: Path | None) -> tuple[str, P
     return form, to
 
 
-def export(source: Path, agent: str | None, form: str, path: Path) -> Path:
-    """Write the policy of ``source`` to ``path``; its path.
+def export(source: Path, agent: str | None, form: str, path: Path, licence: str = "") -> Path:
+    """Write the policy of ``source`` to ``path``, with its header; its path.
 
     Raises:
         ConfigError: no run folder, no such agent, a tabular run, or packages are missing.
         CheckpointError: no checkpoint, or one that does not read.
     """
     pilot = Pilot.load(source, agent)
+    header = describe(source, agent, pilot.form, licence)
+    about = notes(header) if header else {}
     if form == "onnx":
-        write_onnx(pilot, path)
+        write_onnx(pilot, path, about)
     else:
-        pilot.save(path)
+        pilot.save(path, about)
     return path
 
 
-def write_onnx(pilot: Pilot, path: Path) -> None:
+def write_onnx(pilot: Pilot, path: Path, about: Mapping[str, str] = MappingProxyType({})) -> None:
     """Write ``path``.
+
+    Args:
+        pilot: what acts.
+        path: where to.
+        about: the model's properties.
 
     Raises:
         ModuleNotFoundError: the packages of the extra ``onnx`` are missing.
@@ -102,6 +113,7 @@ def write_onnx(pilot: Pilot, path: Path) -> None:
             verbose=False,
         )
     assert program is not None
+    program.model.metadata_props.update(about)
     draft = path.with_suffix(".draft")
     program.save(draft, external_data=False)
     draft.replace(path)

@@ -10,7 +10,7 @@ from agent.config.experiment import load
 from agent.learning.pilot import Pilot
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
-from deploy.policies.evaluate import Evaluation
+from deploy.policies.evaluation import Evaluation
 from tests.integration.harness import MEMBERS, SWARMS, swarm, until
 
 PATIENCE = 240.0  # [s] torch alone takes a loaded machine a while to import

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.storage.runfolder import RunFolder
-from deploy.policies.evaluate import MODES, Cell, Evaluation, Mode
+from deploy.policies.evaluation import MODES, Cell, Evaluation, Mode
 from deploy.reproduce.drones.runs import SWARM, Run
 from sim.indoor.content.scenes import NAMES
 from swarm.errors import ConfigError

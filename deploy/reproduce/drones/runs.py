@@ -6,7 +6,6 @@ step is N times that of an agent alone: the objective is the sum over the tasks,
 """
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
 import msgspec
@@ -14,6 +13,7 @@ import msgspec
 from agent.config.experiment import SwarmFile, load
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
+from deploy.library import SWARMS, find
 from swarm.reports.telemetry import RoundReport
 
 ESTIMATORS = ("reinforce", "a2c", "ppo")
@@ -101,8 +101,7 @@ def plan(root: Path, estimator: str, budget: int, seed: int) -> list[Run]:
         budget: environment steps of every agent; at least so many are taken.
         seed: of all of them.
     """
-    source = Path(str(files("deploy") / "library" / "swarms" / f"drones-{estimator}.toml"))
-    whole = load(source)
+    whole = load(find(Path(f"drones-{estimator}"), SWARMS))
     rounds = -(-budget // steps_per_round(whole))
     whole = msgspec.structs.replace(whole, rounds=rounds, seed=seed)
     optimizer = msgspec.structs.replace(whole.optimizer, step=STEP_ALONE)

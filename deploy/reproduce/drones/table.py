@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from agent.storage.runs import RUNS
-from deploy.policies.evaluate import MODES, Mode
+from deploy.policies.evaluation import MODES, Mode
 from deploy.reproduce.claims import Claim, Findings, Options, bounded, provenance
 from deploy.reproduce.drones.curves import draw
 from deploy.reproduce.drones.record import Made, Matrix, Record, check, record

@@ -14,7 +14,8 @@ from pathlib import Path
 import msgspec
 
 from agent.config.experiment import load
-from deploy.policies.evaluate import Evaluation, evaluate
+from deploy.policies.evaluate import evaluate
+from deploy.policies.evaluation import Evaluation
 from deploy.process.processes import end_all, last_line
 from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError

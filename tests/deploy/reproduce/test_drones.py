@@ -11,7 +11,7 @@ from rich.console import Console
 
 from agent.learning.pilot import Pilot
 from agent.storage.checkpoint import Checkpoint, write
-from deploy.policies.evaluate import Cell, Evaluation
+from deploy.policies.evaluation import Cell, Evaluation
 from deploy.reproduce.claims import Findings, Options, publish
 from deploy.reproduce.drones import table
 from deploy.reproduce.drones.record import read
