@@ -5,6 +5,7 @@
     SwarmError                 base of everything that this project raises on purpose
     ├── ConfigError            a swarm file, an option or an argument of the user's
     ├── NetworkError           a session cannot be opened, an id is taken, nobody answers
+    ├── SupersededError        a later life of this very agent has begun; this one ends
     ├── PayloadError           a received message is not acceptable; carries a short cause
     └── agent.errors, ...      the rooms above grow their own branches here
 
@@ -29,6 +30,12 @@ class NetworkError(SwarmError):
     """The network does not do what it must: no session, an id in use, nobody there."""
 
     exit_code = 3
+
+
+class SupersededError(SwarmError):
+    """A later life of this agent takes part; starting this one again would end that one."""
+
+    exit_code = 5
 
 
 class PayloadError(SwarmError):

@@ -1,79 +1,75 @@
-"""Publish theta_k, gather the neighbours' theta_k: one synchronous round over Zenoh.
+"""The protocol over Zenoh: one agent's parameters going out and its neighbours' coming in.
 
-Interface: :meth:`Exchange.publish` does not wait; :meth:`Exchange.gather` waits until every
-neighbour has answered, is gone or is out of time (:mod:`swarm.protocol.timing` decides);
-:meth:`Exchange.look` takes what is there.  What comes in is checked and kept by
-:mod:`swarm.wire.reception`, what goes out leaves by :mod:`swarm.wire.dispatch`; here stands who is
-sent to, who is waited for and how long.
-
-Rounds are logical.  A neighbour that already speaks of a later round will not answer this one, so
-nobody waits for it; an agent that finds its neighbours ahead jumps to their round.  A neighbour
-that let the deadline pass is not waited for again until it has caught up.  While an answer is
-outstanding the own message is sent again, at growing intervals: it may be the one that was lost.
-Between, messages without a body say that this agent is waiting, not gone.
-
-For a moment after somebody came or went, two agents may disagree on whether they are neighbours.
-Whoever hears from an agent that it does not exchange with answers with its header, and is not
-waited for.
+Interface: :meth:`Exchange.start` waits until the swarm can begin; then, for every round,
+:meth:`Exchange.publish`, which does not wait, and :meth:`Exchange.gather`, which waits until the
+protocol (:mod:`swarm.protocol.machine`) ends the round.  A swarm without common rounds takes a
+:meth:`Exchange.look` instead.  Whom to wait for, what counts and when to go on is decided there;
+here it gets its clock, its messages and its lock.
 """
 
 import logging
 import math
 import threading
 import time
-from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Self
 
 import zenoh
 
+from swarm.errors import SupersededError
 from swarm.mixing.compression import Body, Codec
-from swarm.protocol.timing import Timing, awaited, deadline, elsewhere, out_of_time, strangers
-from swarm.protocol.transfer import Handover, plain
-from swarm.wire.dispatch import Dispatch, Used
+from swarm.protocol.actions import Action, Again, Await, Begin, End, Mix, Say, Send
+from swarm.protocol.machine import Machine
+from swarm.protocol.peers import Delivery
+from swarm.wire.dispatch import Dispatch
+from swarm.wire.handover import Handover, plain
+from swarm.wire.inbox import Inbox
 from swarm.wire.keys import Keys
-from swarm.wire.payload import Layout, Message, ParameterHeader
+from swarm.wire.payload import Layout
 from swarm.wire.reception import Reception
 from swarm.wire.roster import Roster
 
 log = logging.getLogger(__name__)
-REMEMBERED = 32  # rounds whose duration sets the deadline
 TICK = 0.1  # [s] at most until a wait notices that it must end
+SAY_AGAIN = 60.0  # [s] between two lines about one cause
+SAY_WAITING = 2.0  # [s] after which a person sees what is awaited
+CAUSES = 256  # kept at most
 
 
 @dataclass(frozen=True, slots=True)
 class Gathered:
-    """What a round's exchange brought.
+    """What the end of a round brought.
 
     Attributes:
-        arrived: messages that count for this round, by neighbour.
-        missing: neighbours without one.
-        newest: newest message of each neighbour, of whatever round.
-        ahead: round to go on with, when the neighbours have left this one behind; else None.
+        mix: what to do with it.
         waited: time spent waiting [s].
     """
 
-    arrived: dict[str, Message]
-    missing: tuple[str, ...]
-    newest: dict[str, Message]
-    ahead: int | None
+    mix: Mix
     waited: float
 
 
+@dataclass(slots=True)
+class Published:
+    """What the round under way sends."""
+
+    round: int
+    body: Body
+    norm: float
+    limit: float | None
+
+
 class Exchange:
-    """One agent's parameters going out and its neighbours' coming in; a context manager.
+    """One agent's side of the swarm's exchange; a context manager.
 
     Args:
         session: an open session.
         keys: the swarm's keys.
-        me: own id and incarnation.
-        members: every id of the swarm file; others are strangers.
+        machine: the protocol.
         layout: what the vectors mean.
         codec: their encoding.
-        timing: the time limits.
         roster: who is present, and in which life.
         waits: whether a slow neighbour may hold this agent up, rather than miss a message.
         shared_memory: whether large bodies may go through /dev/shm.
@@ -90,171 +86,215 @@ class Exchange:
         self,
         session: zenoh.Session,
         keys: Keys,
-        me: tuple[str, str],
-        members: Collection[str],
+        machine: Machine,
         layout: Layout,
         codec: Codec,
-        timing: Timing,
         roster: Roster,
         waits: bool = True,
         shared_memory: bool = True,
         last: float = math.inf,
     ) -> None:
         self._resources = ExitStack()
+        self.machine, self._inbox = machine, Inbox(machine)
         reception = self._resources.enter_context(
             Reception(
-                session, keys, me[0], members, layout, codec, roster,
+                session, keys, machine.agent, machine.members, layout, codec, roster, self._inbox,
                 last=last if waits else math.inf, most=0.0 if waits else last,
             )
         )  # fmt: skip
         self.dispatch = self._resources.enter_context(
-            Dispatch(session, keys, me, layout, waits, shared_memory)
+            Dispatch(session, keys, machine.agent, waits, shared_memory)
         )
-        self.handover = Handover(session, keys, me[0], plain(layout), reception, self.dispatch)
+        self.handover = Handover(session, keys, machine.agent, plain(layout), reception)
         self.guard = reception.guard
-        self._agent, self._timing, self._roster, self._waits = me[0], timing, roster, waits
-        self._reception, self._inbox = reception, reception.inbox
-        self._late: set[str] = set()
-        self._answered: dict[str, ParameterHeader] = {}  # header of a stranger that we answered
-        self._taken: dict[str, Message] = {}
-        self._began = time.monotonic()  # [s]
+        self._reception, self._roster = reception, roster
+        self._out: Published | None = None
+        self._taken: dict[str, Delivery] = {}
         self._sent: dict[str, float] = {}  # monotonic time of the last message to each [s]
-        self._nearby: tuple[str, ...] = ()
-        self._published = 0.0  # monotonic time of the round's publication [s]
-        self._durations: deque[float] = deque(maxlen=REMEMBERED)
+        self._said: dict[str, float] = {}  # and of the last line about each cause
+        self._began = time.monotonic()  # [s]
+        self._waits = waits
+        roster.call_on_change(self._on_presence)
+        self._on_presence()
+
+    def _on_presence(self) -> None:
+        lives = self._roster.present()
+        own = self._roster.incarnation(self.machine.agent) or self.machine.life
+        with self._inbox.lock:
+            self.machine.present(time.monotonic(), lives, own)
+        self._inbox.wake()
 
     def heard(self) -> dict[str, tuple[int, float]]:
         """Newest round of every sender and the age of its last sign of life [s]."""
         return self._inbox.ages()
 
+    @property
+    def one_sided(self) -> int:
+        """Uses of an edge that only one end made, so far."""
+        with self._inbox.lock:
+            accounts = [(peer.account, peer.view) for peer in self.machine.peers.values()]
+            if self._waits:
+                return sum(account.one_sided for account, _ in accounts)
+            stated = (
+                (account.uses, view.neighbours.get(self.machine.agent))
+                for account, view in accounts
+                if view is not None
+            )
+            return sum(abs(uses - said.uses) for uses, said in stated if said is not None)
+
+    def start(self, round_: int, together: bool, stop: threading.Event) -> None:
+        """Wait until enough of the swarm is here to begin ``round_``, or until told to stop.
+
+        Raises:
+            SupersededError: a later life of this agent has begun.
+        """
+        with self._inbox.lock:
+            self.machine.start(time.monotonic(), round_, together)
+        self._until(lambda action: isinstance(action, Begin), stop)
+
     def publish(
         self,
         round_: int,
-        neighbours: tuple[str, ...],
         body: Body,
-        used: Used = MappingProxyType({}),
         norm: float = 0.0,
         learned: float = 0.0,
+        limit: float | None = None,
     ) -> None:
         """Send this round's parameters; returns as soon as Zenoh has queued them.
 
         Args:
             round_: the round.
-            neighbours: with whom this agent exchanges in it.
             body: the encoded vector.
-            used: weights that were used in the last rounds, by round and neighbour.
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
             learned: so far [rounds], where rounds are not common.
+            limit: how long to wait for the neighbours' [s]; by default as recent rounds suggest.
         """
         self._reception.measure_by(norm)
-        self.dispatch.prepare(round_, neighbours, body, used, learned)
-        self._nearby, self._published = neighbours, time.monotonic()
-        self._send()
+        self._out = Published(round_, body, norm, limit)
+        self.machine.learned = learned
+        self._begin()
 
-    def _send(self) -> None:
-        self.dispatch.send(self._nearby if self._waits else self._listening())
+    def _begin(self) -> None:
+        out = self._out
+        assert out is not None
+        with self._inbox.lock:
+            sends = self.machine.begin(time.monotonic(), out.round, out.norm, out.limit)
+        self.dispatch.prepare(sends[0].header, out.body)
+        for send in sends:
+            self._send(send)
 
-    def _listening(self) -> list[str]:
+    def _send(self, send: Send) -> None:
+        if not send.vector:
+            self.dispatch.beat(send.to, send.header)
+        else:
+            self.dispatch.send(send.to if self._waits else self._listening(send.to))
+
+    def _listening(self, nearby: Collection[str]) -> list[str]:
         """Neighbours that have spoken since they were sent something, or not for a while.
 
         Without common rounds this keeps messages from piling up before a slow one.
         """
-        now, heard = time.monotonic(), self._inbox.heard()
+        now = time.monotonic()
+        with self._inbox.lock:
+            heard = {agent: self.machine.peers[agent].heard for agent in nearby}
+        again = self.machine.timing.resend
         due = [
             agent
-            for agent in self._nearby
-            if heard.get(agent, 0.0) > self._sent.get(agent, 0.0)
-            or now > self._sent.get(agent, 0.0) + self._timing.resend
+            for agent in nearby
+            if heard[agent] > self._sent.get(agent, 0.0) or now > self._sent.get(agent, 0.0) + again
         ]
         self._sent |= dict.fromkeys(due, now)
         return due
 
-    def gather(
-        self,
-        round_: int,
-        neighbours: tuple[str, ...],
-        stop: threading.Event,
-        limit: float | None = None,
-    ) -> Gathered:
-        """Wait for the neighbours' parameters of this round.
+    def gather(self, stop: threading.Event) -> Gathered | None:
+        """Wait for the end of the round that was published; None when told to stop.
 
-        Args:
-            round_: the round.
-            neighbours: whose.
-            stop: set when the agent must end; gather then returns what it has.
-            limit: how long after publishing [s]; by default what recent rounds suggest.
+        Raises:
+            SupersededError: a later life of this agent has begun.
         """
-        start = now = time.monotonic()
-        limit = deadline(self._durations, self._timing) if limit is None else limit
-        interval = self._timing.resend
-        resend_at, beat_at = start + interval, start + self._timing.beat
+        start = time.monotonic()
+        with self._inbox.lock:
+            self.machine.ready(start)
+        mix = self._until(lambda action: isinstance(action, Mix), stop)
+        return Gathered(mix, time.monotonic() - start) if isinstance(mix, Mix) else None
+
+    def _until(self, wanted: Callable[[Action], bool], stop: threading.Event) -> Action | None:
+        """Do what the protocol says until it says something that the caller must do."""
+        start = time.monotonic()
         while not stop.is_set():
-            seen, rounds = self._inbox.count, self._inbox.rounds()
-            self._late -= {agent for agent in self._late if rounds.get(agent, -1) >= round_}
-            views = self._inbox.views()
-            self._tell_strangers(strangers(self._agent, round_, neighbours, views))
-            not_now = self._late | elsewhere(self._agent, round_, neighbours, views)
-            open_ = awaited(round_, neighbours, rounds, self._roster.present(), not_now)
-            now = time.monotonic()
-            silent = out_of_time(open_, self._inbox.heard(), self._published, limit, now)
-            if silent:
-                self._late |= silent
-                log.warning(
-                    "round %d: no parameters from %s within %.1f s, going on without",
-                    round_,
-                    ", ".join(sorted(silent)),
-                    now - self._published,
-                )
-            if not open_ - silent or now >= self._published + self._timing.round:
-                break
-            if now >= resend_at:
-                self._send()
-                interval *= 2
-                resend_at = now + interval
-            elif now >= beat_at:
-                self.dispatch.beat(self._nearby)
-                beat_at = now + self._timing.beat
-            self._inbox.wait(seen, TICK)
-        arrived = self._inbox.of_round(round_, neighbours)
-        missing = tuple(agent for agent in neighbours if agent not in arrived)
-        newest = self._inbox.newest(neighbours)
-        ahead = max((newest[a].header.round for a in missing if a in newest), default=-1)
+            seen, now = self._inbox.count, time.monotonic()
+            with self._inbox.lock:
+                actions = self.machine.poll(now)
+            for action in actions:
+                match action:
+                    case Send():
+                        self._send(action)
+                    case Say():
+                        self._say(action.cause, action.line)
+                    case End():
+                        raise SupersededError(action.line)
+                    case Again():
+                        self._begin()
+                        with self._inbox.lock:
+                            self.machine.ready(time.monotonic())
+                    case Await():
+                        if now > start + SAY_WAITING:
+                            self._say_waiting(action)
+                        self._inbox.wait(seen, min(TICK, max(0.0, action.until - now)))
+                    case _ if wanted(action):
+                        return action
+        return None
+
+    def _say_waiting(self, action: Await) -> None:
+        causes = [f"{what} ({who})" if who else what for who, what in action.causes.items()]
+        self._say(
+            "waiting", f"round {self.machine.round}: waiting for {', '.join(causes)}", logging.INFO
+        )
+
+    def _say(self, cause: str, line: str, level: int = logging.WARNING) -> None:
+        """A line a minute and cause."""
         now = time.monotonic()
-        self._durations.append(now - self._published)
-        return Gathered(arrived, missing, newest, ahead if ahead > round_ else None, now - start)
+        if now < self._said.get(cause, -math.inf) + SAY_AGAIN or len(self._said) >= CAUSES:
+            return
+        self._said[cause] = now
+        log.log(level, "%s", line)
 
-    def _tell_strangers(self, headers: Iterable[ParameterHeader]) -> None:
-        """Answer those who wait for this agent in vain, once each round of theirs."""
-        for header in headers:
-            if self._answered.get(header.agent) is not header:
-                self._answered[header.agent] = header
-                self.dispatch.beat([header.agent])
-
-    def look(self, neighbours: tuple[str, ...]) -> Gathered:
+    def look(self) -> dict[str, Delivery]:
         """Take what is new since the last look, without waiting.
 
         A message counts once, and the newest only: mixing the same parameters again and again would
         pull this agent back to them.  Rounds of different agents are not compared.
         """
         time.sleep(0)  # lets Zenoh's threads bring what has come
-        newest = self._inbox.newest(neighbours)
-        arrived = {a: m for a, m in newest.items() if m is not self._taken.get(a)}
+        with self._inbox.lock:
+            newest = self.machine.newest()
+            arrived = {n: d for n, d in newest.items() if d is not self._taken.get(n)}
+            for neighbour in arrived:
+                self.machine.peers[neighbour].account.count()
+            if self.machine.superseded is not None:
+                raise SupersededError(self.machine.superseded)
         self._taken |= arrived
-        missing = tuple(agent for agent in neighbours if agent not in arrived)
-        return Gathered(arrived, missing, newest, None, 0.0)
+        return arrived
 
-    def learned(self, neighbours: Collection[str]) -> dict[str, float]:
-        """What each of the ``neighbours`` has learned, as far as is known [rounds].
+    def newest_of(self, neighbour: str) -> Delivery | None:
+        """A neighbour's newest vector, of whatever round."""
+        with self._inbox.lock:
+            vectors = self.machine.peers[neighbour].vectors
+            return vectors[max(vectors)] if vectors else None
+
+    def learned(self) -> dict[str, float]:
+        """What each of the neighbours has learned, as far as is known [rounds].
 
         One that has been silent for ``timing.round`` is left out: nobody waits for it for ever.
         """
-        heard, oldest = self._inbox.heard(), time.monotonic() - self._timing.round
-        learned = {view.agent: view.learned for view in self._inbox.views()}
-        return {
-            agent: learned.get(agent, 0.0)
-            for agent in neighbours
-            if heard.get(agent, self._began) > oldest
-        }
+        oldest = time.monotonic() - self.machine.timing.round
+        with self._inbox.lock:
+            peers = {n: self.machine.peers[n] for n in self.machine.neighbours()}
+            return {
+                agent: peer.view.learned if peer.view else 0.0
+                for agent, peer in peers.items()
+                if max(peer.heard, self._began) > oldest
+            }
 
     def wait_for_news(self) -> float:
         """Wait until something new can be looked at, for :data:`TICK` at most; how long [s]."""

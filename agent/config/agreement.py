@@ -15,7 +15,8 @@ import msgspec
 
 from agent.config.experiment import SwarmFile
 
-OWN = ("network", "timing", "checkpoint_every", "training.threads", "modules")  # one machine's
+# One machine's own.
+OWN = ("network", "timing", "quorum", "checkpoint_every", "training.threads", "modules")
 OWN_OF_AGENT = ("endpoint", "namespace", "device")
 SHORT = 24  # letters of a value that is shown as it is
 

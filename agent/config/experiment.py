@@ -22,6 +22,7 @@ from swarm.errors import ConfigError
 from swarm.mixing.loss import Loss
 from swarm.mixing.rules import EXACT, Mixing
 from swarm.mixing.weights import Topology, check
+from swarm.protocol.quorum import Quorum
 from swarm.protocol.timing import Timing
 from swarm.wire.endpoints import PORTS, check_host, host_and_port
 from swarm.wire.endpoints import endpoint as endpoint_of
@@ -130,6 +131,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         loss: messages lost on purpose.
         network: how agents reach each other.
         timing: every wait.
+        quorum: with how few neighbours an agent goes on.
         checkpoint_every: rounds between checkpoints.
         modules: folders in which modules of tasks are looked for after what is installed, from the
             file's; by default, where a task names a module that is not installed, the file's
@@ -152,6 +154,7 @@ class SwarmFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     loss: Loss = Loss()
     network: Network = Network()
     timing: Timing = Timing()
+    quorum: Quorum = Quorum()
     checkpoint_every: Count = 1
     modules: tuple[str, ...] = ()
 

@@ -44,18 +44,21 @@ class Life:
     unwritten: deque[Checkpoint] = field(default_factory=lambda: deque(maxlen=UNWRITTEN))
 
 
-def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:
+def status_of(life: Life, rounds: Rounds) -> AgentStatus:
     """How the agent is."""
-    heard, report = rounds.exchange.heard(), life.report
+    heard, report, machine = rounds.exchange.heard(), life.report, rounds.machine
+    waiting = dict(machine.causes)
     nearby = {
         n: NeighbourStatus(round=heard[n][0], age=heard[n][1]) if n in heard else NeighbourStatus()
-        for n in rounds.neighbours()
+        for n in machine.nearby
     }
     return AgentStatus(
         agent=rounds.agent,
-        incarnation=incarnation,
+        incarnation=machine.life,
         pid=os.getpid(),
-        state=life.state,
+        state="waiting" if life.state == "learning" and "" in waiting else life.state,
+        run=machine.membership.run,
+        waiting=waiting,
         round=int(rounds.config.progress(life.at)),
         rounds=rounds.config.rounds,
         neighbours=nearby,
@@ -65,26 +68,22 @@ def status_of(life: Life, rounds: Rounds, incarnation: str) -> AgentStatus:
         sketch=tuple(sketch(life.at.theta).tolist()),
         rejected=rounds.exchange.guard.counts,
         quarantined=rounds.exchange.guard.quarantined(),
-        one_sided=rounds.ledger.one_sided,
+        one_sided=rounds.exchange.one_sided,
         memory_mb=_resident_mb(),
     )
 
 
-def serve_status(
-    session: zenoh.Session, keys: Keys, life: Life, rounds: Rounds, incarnation: str
-) -> None:
+def serve_status(session: zenoh.Session, keys: Keys, life: Life, rounds: Rounds) -> None:
     """Answer "how are you?" on Zenoh's thread."""
     key = keys.status(rounds.agent)
 
     def answer(query: zenoh.Query) -> None:
-        query.reply(key, msgspec.msgpack.encode(status_of(life, rounds, incarnation)))
+        query.reply(key, msgspec.msgpack.encode(status_of(life, rounds)))
 
     session.declare_queryable(key, answer)
 
 
-def health(
-    life: Life, rounds: Rounds, incarnation: str
-) -> tuple[AgentStatus, RoundReport | None, bool]:
+def health(life: Life, rounds: Rounds) -> tuple[AgentStatus, RoundReport | None, bool]:
     """For :mod:`agent.daemon.metrics`: status, newest report, and whether all is well.
 
     An agent that waits is not ready yet; one that learns must get on.
@@ -92,8 +91,9 @@ def health(
     report = life.report
     patience = rounds.config.timing.round + SLOW * (report.seconds if report else 0.0)
     stuck = report is not None and time.monotonic() - life.reported > patience
-    well = life.state == "finished" or (life.state == "learning" and not stuck)
-    return status_of(life, rounds, incarnation), report, well
+    status = status_of(life, rounds)
+    well = status.state == "finished" or (status.state == "learning" and not stuck)
+    return status, report, well
 
 
 def _resident_mb() -> float:

@@ -1,13 +1,16 @@
 """One agent as a process: joins its swarm, plays the rounds, keeps checkpoints, answers questions.
 
-Interface: :func:`run_agent`.  Life of an agent: wait until its id is free, learn the swarm's newest
-state, announce itself, wait for the others, play rounds, stay until the neighbours need nothing
-more, leave.  Told to stop, it ends with the checkpoint of the last whole round.
+Interface: :func:`run_agent`.  Life of an agent: learn the swarm's newest state, announce itself,
+wait for the others, play rounds, stay until the neighbours need nothing more, leave.  A former life
+of the same id, a twin or one that comes back late, ends when it sees the new one.  Told to stop, it
+ends with the checkpoint of the last whole round.
 """
 
 import logging
+import secrets
 import threading
 import time
+from collections.abc import Collection
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -15,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import msgspec
+import numpy as np
 
 from agent.config.agreement import agreed
 from agent.config.experiment import SwarmFile
@@ -34,6 +38,9 @@ from swarm.errors import ConfigError
 from swarm.exchange import Exchange
 from swarm.mixing.consensus import sketch
 from swarm.mixing.rules import RULES, Mixer
+from swarm.mixing.weights import neighbours
+from swarm.protocol.machine import Machine
+from swarm.protocol.messages import LARGEST, ParameterHeader, life_after
 from swarm.reports.history import serve_history
 from swarm.reports.telemetry import RoundReport, TelemetryPublisher
 from swarm.wire.keys import Keys
@@ -89,7 +96,6 @@ def run_agent(
     folder.prepare(agent)
     learner = build_learner(config, agent)
     layout, keys = layout_of(config, learner), Keys(config.name)
-    incarnation = f"{time.time_ns():x}"
     first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
     mixer = Mixer(config.mixing)
     life, systemd = Life("waiting", first), Systemd()
@@ -101,22 +107,22 @@ def run_agent(
             open_session(config.network, config.party(agent), [listen], endpoints[:index])
         )
         refusals = resources.enter_context(Refusals(session, keys, agent, layout))
-        roster = resources.enter_context(Roster(session, keys, refusals.refused))
+        roster = resources.enter_context(Roster(session, keys, config.members, refusals.refused))
+        machine = _machine_of(config, agent, roster.earlier(agent), layout, first)
         exchange = resources.enter_context(
             Exchange(
-                session, keys, (agent, incarnation), config.members, layout, mixer.codec,
-                config.timing, roster, waits=config.pace == "sync",
-                shared_memory=config.network.shared_memory, last=config.rounds,
+                session, keys, machine, layout, mixer.codec, roster,
+                waits=config.pace == "sync", shared_memory=config.network.shared_memory,
+                last=config.rounds,
             )
         )  # fmt: skip
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
         metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
-        rounds = Rounds(config, agent, learner, mixer, exchange, roster, stop)
+        rounds = Rounds(config, agent, learner, mixer, exchange, stop)
         spotter = Spotter(agent, telemetry, lambda: life.at.round)
         learner.attendance = Attendance(stop.is_set, spotter.see)
         refusals.check()
-        roster.wait_until_free(agent, config.network.lease_ms / 1000 + 1.0)
-        life.at = _catch_up(config, exchange, first)
+        life.at = _catch_up(config, exchange, roster, first)
         mixer.state, learner_state = dict(life.at.mixing), learner.optimizer_state
         learner_state |= life.at.optimizer
         exchange.handover.serve(lambda: _state(life.at, rounds))
@@ -124,22 +130,18 @@ def run_agent(
             life.history.take(report)
         serve_history(session, keys, agent, life.history)
         serve_config(session, keys, agent, config, lambda: life.at.round)
-        answers.serve_status(session, keys, life, rounds, incarnation)
+        answers.serve_status(session, keys, life, rounds)
         if metrics_at is not None:
-            ask = partial(answers.health, life, rounds, incarnation)
+            ask = partial(answers.health, life, rounds)
             resources.enter_context(serve_metrics(metrics_at, config.name, ask))
-        roster.announce(agent, incarnation)
+        roster.announce(agent, machine.life)
         systemd.ready()
-        log.info("round %d: announced as %s on %s", life.at.round, incarnation, listen)
-        # One who comes back alone goes on at once; a swarm begins, or resumes, together.
-        together = begin is not None or life.at.round == 0
-        if together and (absent := roster.wait_for(config.members, config.timing.start, stop)):
-            log.warning(
-                "round %d: %s not here after %.0f s, going on without",
-                life.at.round,
-                ", ".join(sorted(absent)),
-                config.timing.start,
-            )
+        log.info("round %d: announced as %s on %s", life.at.round, machine.life, listen)
+        # Who comes back alone goes on when enough are here; a swarm begins, or resumes, together.
+        exchange.start(life.at.round, begin is not None or life.at.round == 0, stop)
+        absent = [member for member, peer in machine.peers.items() if not peer.here]
+        if absent and not stop.is_set():
+            log.warning("round %d: going on without %s", life.at.round, ", ".join(absent))
         life.state = "learning"
         while config.progress(life.at) < config.rounds and not stop.is_set():
             _play(config, rounds, life, folder, telemetry, metrics)
@@ -186,6 +188,8 @@ def _play(
         episodes=at.episodes + outcome.step.episodes,
         steps=at.steps + outcome.step.steps,
         learned=outcome.learned,
+        run=rounds.exchange.machine.membership.run,
+        accounts=outcome.accounts,
     )
     last = config.progress(life.at) >= config.rounds
     if last or life.at.round % config.checkpoint_every == 0:
@@ -221,7 +225,7 @@ def _report(
         disagreement=outcome.disagreement,
         weights=outcome.weights,
         missing=outcome.missing,
-        one_sided=rounds.ledger.one_sided,
+        one_sided=rounds.exchange.one_sided,
         sketch=tuple(sketch(at.theta).tolist()) if detailed else (),
         route=rounds.learner.route(at.theta) if detailed else (),
         learned=outcome.learned,
@@ -257,10 +261,41 @@ def _first_checkpoint(
     return Checkpoint(0, layout.shape, learner.initial())
 
 
-def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpoint:
-    """Join the swarm where it is: parameters and round of the neighbour that is furthest on."""
-    newest = exchange.handover.fetch(config.timing.state)
-    if newest is None or config.progress(newest.header) <= config.progress(own):
+def _machine_of(
+    config: SwarmFile, agent: str, earlier: list[str], layout: Layout, first: Checkpoint
+) -> Machine:
+    """The agent's protocol, in a new life and where its checkpoint has it."""
+
+    def topology(here: tuple[str, ...]) -> tuple[str, ...]:
+        return neighbours(config.topology, here, agent)
+
+    machine = Machine(
+        agent,
+        life_after(time.time(), secrets.randbelow(4096), earlier),
+        config.members,
+        topology,
+        layout.fingerprint,
+        config.rounds if config.pace == "sync" else LARGEST,
+        config.timing,
+        config.quorum,
+        first.run,
+    )
+    for member, account in first.accounts.items():
+        if member in machine.peers:
+            machine.peers[member].account = account
+    return machine
+
+
+def _catch_up(config: SwarmFile, exchange: Exchange, roster: Roster, own: Checkpoint) -> Checkpoint:
+    """Join the swarm where it is: parameters and round of a member whom others confirm."""
+
+    def lives(answered: Collection[str]) -> dict[str, str]:
+        roster.wait_for(answered, config.timing.state)
+        return roster.present()
+
+    reached = config.progress(own)
+    newest = exchange.handover.fetch(config.timing.state, lives, own.run, reached)
+    if newest is None:
         return own
     header = newest.header
     log.info(
@@ -269,6 +304,7 @@ def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpo
         header.round,
         header.agent,
     )
+    exchange.machine.adopt(header.run)
     # What the mixing rule remembers belongs to the old parameters: begin it anew.
     return replace(
         own,
@@ -276,21 +312,25 @@ def _catch_up(config: SwarmFile, exchange: Exchange, own: Checkpoint) -> Checkpo
         theta=newest.vector.copy(),
         mixing={},
         learned=header.learned,
+        run=header.run,
+        accounts={},
     )
 
 
-def _state(at: Checkpoint, rounds: Rounds) -> tuple[int, float, tuple[str, ...], bytes]:
+def _state(at: Checkpoint, rounds: Rounds) -> tuple[ParameterHeader, bytes]:
     """What a joiner asks for, all of one round although the rounds go on meanwhile."""
-    return at.round, at.learned, rounds.neighbours(), at.theta.tobytes()
+    norm = float(np.linalg.norm(at.theta))
+    signed = rounds.exchange.machine.sign()
+    header = msgspec.structs.replace(signed, round=at.round, learned=at.learned, norm=norm)
+    return header, at.theta.tobytes()
 
 
 def _see_neighbours_finish(rounds: Rounds, life: Life) -> None:
     """Publish the last parameters and stay until the neighbours have got as far."""
-    nearby = rounds.neighbours()
-    theta = life.at.theta
-    rounds.exchange.publish(life.at.round, nearby, rounds.mixer.outgoing(theta, theta * 0))
-    limit = rounds.config.timing.finish
-    rounds.exchange.gather(life.at.round, nearby, rounds.stop, limit)
+    theta, limit = life.at.theta, rounds.config.timing.finish
+    body = rounds.mixer.outgoing(theta, theta * 0)
+    rounds.exchange.publish(life.at.round, body, float(np.linalg.norm(theta)), limit=limit)
+    rounds.exchange.gather(rounds.stop)
 
 
 def _follow_neighbours(rounds: Rounds, life: Life) -> None:

@@ -5,12 +5,10 @@
     who are my neighbours now?  ->  publish theta_k (does not wait)
     ->  gradient at theta_k, while the exchange runs underneath
     ->  gather the neighbours' theta_k  ->  mix, add the step: theta_{k+1}
-    ->  compare accounts with the neighbours
 
 Rules that send what depends on the step (:mod:`swarm.mixing.rules`) publish after it instead.  In
 an asynchronous swarm an agent takes the newest that is there and learns as much of its step as
-:mod:`swarm.mixing.staleness` grants, or waits for news if it is nothing; there are no accounts to
-compare.
+:mod:`swarm.mixing.staleness` grants, or waits for news if it is nothing.
 """
 
 import threading
@@ -21,14 +19,16 @@ import numpy as np
 
 from agent.config.experiment import SwarmFile
 from agent.learning.learner import Learner, Step, Stopped, Vector
-from swarm.exchange import Exchange, Gathered
+from swarm.exchange import Exchange
 from swarm.mixing.consensus import disagreement
 from swarm.mixing.loss import edge_counts
 from swarm.mixing.rules import Mixer
 from swarm.mixing.staleness import share_to_learn
-from swarm.mixing.weights import lazy_metropolis, neighbours
-from swarm.protocol.ledger import Ledger
-from swarm.wire.roster import Roster
+from swarm.mixing.weights import lazy_metropolis
+from swarm.protocol.accounts import Account
+from swarm.protocol.actions import Mix
+from swarm.protocol.machine import Machine
+from swarm.protocol.peers import Delivery
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,7 @@ class Outcome:
         missing: neighbours without a message that counts.
         disagreement: largest distance to a neighbour.
         waited: time spent waiting for the exchange [s].
+        accounts: what was used of whom, for a checkpoint.
     """
 
     theta: Vector
@@ -54,6 +55,7 @@ class Outcome:
     missing: tuple[str, ...]
     disagreement: float
     waited: float
+    accounts: dict[str, Account]
 
 
 @dataclass(slots=True)
@@ -63,10 +65,8 @@ class Rounds:
     Attributes:
         config: the swarm file.
         agent: own id.
-        learner, mixer, exchange, roster: its parts.
+        learner, mixer, exchange: its parts.
         stop: set when the agent must end.
-        ledger: what was used of whom.
-        degrees: last known number of neighbours of each neighbour.
         last_step: what was learned last, without the vector.
     """
 
@@ -75,20 +75,13 @@ class Rounds:
     learner: Learner
     mixer: Mixer
     exchange: Exchange
-    roster: Roster
     stop: threading.Event
-    ledger: Ledger = field(init=False)
-    degrees: dict[str, int] = field(default_factory=dict)
     last_step: Step = field(default_factory=lambda: Step(np.zeros(0), 0.0, 0, 0, 0.0))
 
-    def __post_init__(self) -> None:
-        self.ledger = Ledger(self.agent)
-
-    def neighbours(self) -> tuple[str, ...]:
-        """Own neighbours in the topology over the members that are present (and oneself)."""
-        present = self.roster.present()
-        here = tuple(m for m in self.config.members if m == self.agent or m in present)
-        return neighbours(self.config.topology, here, self.agent)
+    @property
+    def machine(self) -> Machine:
+        """The protocol."""
+        return self.exchange.machine
 
     def play(self, round_: int, theta: Vector, learned: float = 0.0) -> Outcome | None:
         """Play one round from ``theta``; None when told to stop in the middle of it.
@@ -104,45 +97,67 @@ class Rounds:
             return None
 
     def _play(self, round_: int, theta: Vector, learned: float) -> Outcome | None:
-        nearby, together = self.neighbours(), self.config.pace == "sync"
-        share = 1.0 if together else self._share(nearby, learned)
+        together = self.config.pace == "sync"
+        share = 1.0 if together else self._share(learned)
         if self.mixer.rule.sends_after_step:
             step, waited = self._learn(round_, theta, share)
-            self._publish(round_, nearby, theta, step.vector, learned)
+            self._publish(round_, theta, step.vector, learned)
         else:
-            self._publish(round_, nearby, theta, theta, learned)
+            self._publish(round_, theta, theta, learned)
             step, waited = self._learn(round_, theta, share)
-        gathered = self._gather(round_, nearby)
-        if self.stop.is_set():
-            return None
-        arrived = self._counting(round_, gathered)
-        weights = self._weights(nearby, gathered)
-        if not together:
-            weights = {sender: weights[sender] for sender in arrived}
-        new = self.mixer.mix(theta, step.vector, arrived, weights)
         if together:
-            used = {n: weights[n] for n in self.mixer.shares}
-            self.ledger.record(round_, used, self.mixer.shares)
-            new = self._settle(new, gathered)
+            return self._mix(theta, step, waited)
+        arrived = self.exchange.look()
+        weights = self._weights(arrived)
+        vectors = {sender: delivery.vector for sender, delivery in arrived.items()}
+        return Outcome(
+            theta=self.mixer.mix(theta, step.vector, vectors, weights),
+            next_round=round_ + 1,
+            learned=learned + share,
+            step=step,
+            weights=weights,
+            missing=tuple(n for n in self.machine.nearby if n not in arrived),
+            disagreement=disagreement(theta, [v[: theta.size] for v in vectors.values()]),
+            waited=waited,
+            accounts={},
+        )
+
+    def _mix(self, theta: Vector, step: Step, waited: float) -> Outcome | None:
+        """The end of a round that all play: what the protocol lets count, and takes back."""
+        gathered = self.exchange.gather(self.stop)
+        if gathered is None:
+            return None
+        mix, mixer = gathered.mix, self.mixer
+        start = theta
+        for neighbour, _ in mix.taken_back:
+            start = mixer.take_back(neighbour, start)
+        for neighbour in mix.void:
+            mixer.forget(neighbour)
+        counting = self._counting(mix)
+        weights = self._weights(mix.used)
+        if self.config.mixing.missing == "stale":
+            weights |= self._stale(mix)
+        new = mixer.mix(start, step.vector, counting, weights)
         return Outcome(
             theta=new,
-            next_round=max(round_ + 1, gathered.ahead or 0),
-            learned=0.0 if together else learned + share,
+            next_round=mix.next_round,
+            learned=0.0,
             step=step,
-            weights={neighbour: weights[neighbour] for neighbour in arrived},
-            missing=tuple(n for n in nearby if n not in arrived),
-            disagreement=disagreement(theta, [v[: theta.size] for v in arrived.values()]),
+            weights={neighbour: weights[neighbour] for neighbour in counting},
+            missing=tuple(n for n in self.machine.nearby if n not in counting),
+            disagreement=disagreement(theta, [v[: theta.size] for v in counting.values()]),
             waited=gathered.waited + waited,
+            accounts=dict(mix.accounts),
         )
 
     def still_learning(self) -> dict[str, float]:
         """What those neighbours have learned that have not learned all yet [rounds]."""
-        learned = self.exchange.learned(self.neighbours())
+        learned = self.exchange.learned()
         return {agent: count for agent, count in learned.items() if count < self.config.rounds}
 
-    def _share(self, nearby: tuple[str, ...], learned: float) -> float:
+    def _share(self, learned: float) -> float:
         """How much of the next step to take, given what each neighbour is known to have learned."""
-        theirs = self.exchange.learned(nearby).values()
+        theirs = self.exchange.learned().values()
         share = share_to_learn(learned, theirs, self.config.staleness)
         return min(share, self.config.rounds - learned)
 
@@ -157,46 +172,34 @@ class Rounds:
             step = replace(step, vector=step.vector * theta.dtype.type(share))
         return step, 0.0
 
-    def _publish(
-        self, round_: int, nearby: tuple[str, ...], theta: Vector, step: Vector, learned: float
-    ) -> None:
+    def _publish(self, round_: int, theta: Vector, step: Vector, learned: float) -> None:
         body = self.mixer.outgoing(theta, step)
-        norm = float(np.linalg.norm(theta))
-        self.exchange.publish(round_, nearby, body, self.ledger.used, norm, learned)
+        self.exchange.publish(round_, body, float(np.linalg.norm(theta)), learned)
 
-    def _gather(self, round_: int, nearby: tuple[str, ...]) -> Gathered:
-        if self.config.pace == "async":
-            return self.exchange.look(nearby)
-        return self.exchange.gather(round_, nearby, self.stop)
-
-    def _counting(self, round_: int, gathered: Gathered) -> dict[str, Vector]:
-        """Messages of neighbours that also count us, less those lost on purpose."""
-        loss, missing = self.config.loss, self.config.mixing.missing
-        declined: set[str] = set()
-        if missing == "stale":
-            for sender, message in gathered.newest.items():
-                if sender in gathered.missing:
-                    self.mixer.heard[sender] = message.vector
-        else:
-            declined = self.ledger.declined(round_, (m.header for m in gathered.newest.values()))
-        return {
-            sender: message.vector
-            for sender, message in gathered.arrived.items()
-            if self.agent in message.header.neighbours
-            and sender not in declined
-            and edge_counts(loss, missing, round_, sender, self.agent)
+    def _counting(self, mix: Mix) -> dict[str, Vector]:
+        """Vectors that count, less those lost on purpose: at both ends alike, or by policy."""
+        loss, missing, round_ = self.config.loss, self.config.mixing.missing, self.machine.round
+        counting = {
+            sender: delivery.vector
+            for sender, delivery in mix.used.items()
+            if edge_counts(loss, missing, round_, sender, self.agent)
         }
+        for sender in mix.used.keys() - counting.keys():
+            self.mixer.unsettled.pop(sender, None)  # the round that may be taken back had no share
+        return counting
 
-    def _weights(self, nearby: tuple[str, ...], gathered: Gathered) -> Mapping[str, float]:
-        """Lazy Metropolis weight of every neighbour, from both sides' numbers of neighbours."""
-        for sender, message in (gathered.newest | gathered.arrived).items():
-            self.degrees[sender] = len(message.header.neighbours)
-        own = len(nearby)
-        return {n: lazy_metropolis(own, self.degrees.get(n, own)) for n in nearby}
+    def _weights(self, used: Mapping[str, Delivery]) -> dict[str, float]:
+        """Lazy Metropolis weights, from both sides' numbers of neighbours."""
+        own = len(self.machine.nearby)
+        degrees = {n: len(delivery.header.neighbours) for n, delivery in used.items()}
+        return {n: lazy_metropolis(own, degree) for n, degree in degrees.items()}
 
-    def _settle(self, theta: Vector, gathered: Gathered) -> Vector:
-        """Take back shares of edges that turn out one-sided, where the drop must be symmetric."""
-        for share in self.ledger.settle(m.header for m in gathered.newest.values()):
-            if self.config.mixing.missing == "symmetric":
-                theta = self.mixer.rule.retract(theta, share, self.mixer.state)
-        return theta
+    def _stale(self, mix: Mix) -> dict[str, float]:
+        """Weights of neighbours whose last vector counts again, of whatever round."""
+        with_vectors = {n: self.exchange.newest_of(n) for n in mix.missing}
+        found = {n: delivery for n, delivery in with_vectors.items() if delivery is not None}
+        for neighbour, delivery in found.items():
+            self.mixer.heard[neighbour] = delivery.vector
+        own = len(self.machine.nearby)
+        weights = {n: lazy_metropolis(own, own) for n in mix.missing if n in self.mixer.heard}
+        return weights | self._weights(found)

@@ -9,12 +9,14 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from agent.errors import CheckpointError
+from swarm.protocol.accounts import Account
 
 Vector = NDArray[np.floating]
 KEPT = 16  # of a few kilobytes each
@@ -35,6 +37,8 @@ class Checkpoint:
         episodes, steps: flown so far.
         learned: so far [rounds], in a swarm without common rounds; see
             :mod:`swarm.mixing.staleness`.
+        run: of the experiment, to which it belongs.
+        accounts: what was used of whom (:mod:`swarm.protocol.accounts`), by neighbour.
     """
 
     round: int
@@ -45,6 +49,8 @@ class Checkpoint:
     episodes: int = 0
     steps: int = 0
     learned: float = 0.0
+    run: str | None = None
+    accounts: dict[str, Account] = field(default_factory=dict)
 
 
 def path_of(folder: Path, round_: int) -> Path:
@@ -68,6 +74,8 @@ def write(folder: Path, checkpoint: Checkpoint) -> Path:
         "episodes": str(checkpoint.episodes),
         "steps": str(checkpoint.steps),
         "learned": repr(checkpoint.learned),
+        "run": msgspec.json.encode(checkpoint.run).decode(),
+        "accounts": msgspec.json.encode(checkpoint.accounts).decode(),
     }
     final = path_of(folder, checkpoint.round)
     draft = final.with_suffix(".draft")
@@ -108,6 +116,8 @@ def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
             episodes=int(notes["episodes"]),
             steps=int(notes["steps"]),
             learned=float(notes.get("learned", 0.0)),
+            run=msgspec.json.decode(notes.get("run", "null"), type=str | None),
+            accounts=msgspec.json.decode(notes.get("accounts", "{}"), type=dict[str, Account]),
         )
     except FileNotFoundError:
         raise CheckpointError(f'no checkpoint "{path}"') from None

@@ -22,10 +22,10 @@ from agent.config.experiment import SwarmFile
 from agent.daemon.process import layout_of
 from agent.learning.learners import build_learner
 from swarm.errors import ConfigError, PayloadError
+from swarm.protocol.messages import PROTOCOL
 from swarm.reports.telemetry import RoundReport, watch_reports
 from swarm.wire.endpoints import host_and_port, plain_host
 from swarm.wire.keys import Keys
-from swarm.wire.payload import PROTOCOL
 from swarm.wire.security import OBSERVER, Certificate, Party, contexts, hosts_in, read_certificate
 from swarm.wire.session import Network, open_session
 

@@ -113,6 +113,8 @@ def _problems(answers: Mapping[str, AgentStatus]) -> Iterator[str]:
         for neighbour, heard in answer.neighbours.items():
             if answer.state == "learning" and missed(heard, answers.get(neighbour)):
                 yield f"{name} last heard {neighbour} {heard.age:.1f} s ago"
+        if answer.state == "waiting" and (why := answer.waiting.get("")):
+            yield f"{name} waits: {why}"
         if answer.rejected:
             counts = ", ".join(f"{cause} {n}" for cause, n in sorted(answer.rejected.items()))
             yield f"{name} rejected messages: {counts}"

@@ -98,7 +98,7 @@ def view(target: Target, output: Output, live: bool | None) -> None:
 def _watch(config: SwarmFile, output: Output, waits: bool) -> bool:
     """Show a running swarm until the session is over; False if there is none and nobody waits."""
     keys, somebody, inbox = Keys(config.name), threading.Event(), Inbox(config.members)
-    with observe(config) as session, Roster(session, keys) as roster:
+    with observe(config) as session, Roster(session, keys, config.members) as roster:
         roster.call_on_change(somebody.set)
         watch_reports(session, keys, inbox.reports.put)
         watch_flights(session, keys, inbox.flights.put)

@@ -8,14 +8,19 @@ which is ``sum_j W_ij sent_j`` written so that an edge without a message simply 
 weight stays with the agent) and that a lossy encoding keeps the swarm's mean.  ``step`` is
 ``alpha g`` (or the step of any optimiser) taken at the agent's own ``theta``.
 
+The exact rules are written with their dual ``y``, whose sum over the swarm must be zero.  What an
+edge adds to it at one end it takes away at the other, so it is kept by edge: when a neighbour is
+gone, or begins anew, both ends forget that edge's part, and what is left still sums to zero.  So
+the rules find the optimum of those who are there, whoever came and went before.
+
 ==================  =====================================  ======================================
 rule                sends                                  source
 ==================  =====================================  ======================================
 ``dcpg``            theta                                  the paper, Eq. 11
 ``atc``             theta + step                           adapt-then-combine diffusion, Sayed 2014
-``exact-diffusion`` psi' + theta - psi, psi' = theta+step  Yuan et al. 2019 (D2, Tang et al. 2018)
+``exact-diffusion`` theta + step - y                       Yuan et al. 2019 (D2, Tang et al. 2018)
 ``extra``           theta                                  Shi et al. 2015, in primal-dual form
-``gradient-tracking`` [theta, y]                           Nedic et al. 2017 (DIGing)
+``gradient-tracking`` [theta, step + y]                    Nedic et al. 2017 (DIGing)
 ==================  =====================================  ======================================
 
 The single-process simulator and the real swarm run this very code.
@@ -37,6 +42,7 @@ Vector = NDArray[np.floating]
 State = dict[str, Vector]
 RuleName = Literal["dcpg", "atc", "exact-diffusion", "extra", "gradient-tracking"]
 Missing = Literal["stale", "give-back", "symmetric"]
+DUAL = "dual."  # and the neighbour: an edge's part of y in the state
 EXACT: tuple[RuleName, ...] = ("exact-diffusion", "extra", "gradient-tracking")
 
 
@@ -63,18 +69,24 @@ class Rule(Protocol):
 
     copies: ClassVar[int]  # vectors per message
     sends_after_step: ClassVar[bool]  # else the exchange hides under the gradient's computation
+    booked: ClassVar[float]  # of a share, on the dual of its edge
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
         """What goes to the neighbours in this round."""
         ...
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
-        """theta of the next round; replaces entries of ``state``, never writes into them."""
+        """theta of the next round."""
         ...
 
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        """theta without ``share``, which an earlier mean should not have held."""
-        ...
+
+def dual(state: State, like: Vector) -> Vector:
+    """(d,) sum of the edges' duals."""
+    total = np.zeros_like(like)
+    for name in sorted(state):
+        if name.startswith(DUAL):
+            total = total + state[name]
+    return total
 
 
 class Dcpg:
@@ -82,6 +94,7 @@ class Dcpg:
 
     copies: ClassVar[int] = 1
     sends_after_step: ClassVar[bool] = False
+    booked: ClassVar[float] = 0.0
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
         return theta
@@ -89,15 +102,13 @@ class Dcpg:
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         return sum_of(mean, step)
 
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        return theta - share
-
 
 class AdaptThenCombine:
     """``theta' = W (theta + step)``."""
 
     copies: ClassVar[int] = 1
     sends_after_step: ClassVar[bool] = True
+    booked: ClassVar[float] = 0.0
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
         return sum_of(theta, step)
@@ -105,75 +116,53 @@ class AdaptThenCombine:
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
         return mean
 
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        return theta - share
-
 
 class ExactDiffusion:
-    """``theta' = W (theta + step + theta - psi)`` with ``psi`` the last ``theta + step``."""
+    """``theta' = W phi`` with ``phi = theta + step - y``, ``y' = y + phi - W phi``.
 
-    copies: ClassVar[int] = 1
-    sends_after_step: ClassVar[bool] = True
-
-    def message(self, theta: Vector, step: Vector, state: State) -> Vector:
-        adapted = theta + step
-        return adapted + (theta - state["psi"]) if "psi" in state else adapted
-
-    def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
-        state["psi"] = theta + step
-        return mean
-
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        return theta - share
-
-
-class Extra:
-    """``theta' = W theta + step - y``, ``y' = y + (theta - W theta) / 2``.
-
-    The sum of all ``y`` stays zero as long as the weights used on both sides of each edge agree,
-    which is why this form wants the symmetric drop and diverges on stale copies.
+    ``y`` is what the papers write as ``psi - theta``, with psi the last ``theta + step``.
     """
 
     copies: ClassVar[int] = 1
+    sends_after_step: ClassVar[bool] = True
+    booked: ClassVar[float] = -1.0
+
+    def message(self, theta: Vector, step: Vector, state: State) -> Vector:
+        return theta + step - dual(state, theta)
+
+    def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
+        return mean
+
+
+class Extra:
+    """``theta' = W theta + step - y``, ``y' = y + (theta - W theta) / 2``."""
+
+    copies: ClassVar[int] = 1
     sends_after_step: ClassVar[bool] = False
+    booked: ClassVar[float] = -0.5
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
         return theta
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
-        dual = state.get("y")
-        new = mean + step if dual is None else mean + step - dual
-        moved = (theta - mean) * theta.dtype.type(0.5)
-        state["y"] = moved if dual is None else dual + moved
-        return new
-
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        state["y"] = state["y"] + share * theta.dtype.type(0.5)
-        return theta - share
+        return mean + step - dual(state, theta)
 
 
 class GradientTracking:
-    """``theta' = W theta + y`` with ``y = W y- + step - step-``, which tracks the mean step."""
+    """``theta' = W theta + z`` with ``z = step + y``, ``y' = y + W z - z``: z tracks the mean step.
+
+    ``y`` is what the papers write as ``W z - step``, so ``z' = W z + step' - step``.
+    """
 
     copies: ClassVar[int] = 2
     sends_after_step: ClassVar[bool] = True
+    booked: ClassVar[float] = 1.0
 
     def message(self, theta: Vector, step: Vector, state: State) -> Vector:
-        return np.concatenate([theta, self._tracker(step, state)])
+        return np.concatenate([theta, step + dual(state, theta)])
 
     def update(self, theta: Vector, step: Vector, mean: Vector, state: State) -> Vector:
-        tracker = self._tracker(step, state)
-        state["tracked"] = mean[theta.size :]
-        state["step"] = step
-        return mean[: theta.size] + tracker
-
-    def retract(self, theta: Vector, share: Vector, state: State) -> Vector:
-        state["tracked"] = state["tracked"] - share[theta.size :]
-        return theta - share[: theta.size]
-
-    @staticmethod
-    def _tracker(step: Vector, state: State) -> Vector:
-        return state["tracked"] + step - state["step"] if "step" in state else step
+        return mean[: theta.size] + (step + dual(state, theta))
 
 
 RULES: dict[RuleName, type[Rule]] = {
@@ -194,12 +183,14 @@ class Mixer:
         state: vectors that a checkpoint must keep (the rule's own, and ``feedback``).
         heard: the last vector of each neighbour, for ``missing = "stale"``.
         shares: what each neighbour added to the mean of the last round.
+        unsettled: the last share of each neighbour, which may have to be taken back.
     """
 
     config: Mixing
     state: State = field(default_factory=dict)
     heard: dict[str, Vector] = field(default_factory=dict)
     shares: dict[str, Vector] = field(default_factory=dict)
+    unsettled: dict[str, Vector] = field(default_factory=dict)
     rule: Rule = field(init=False)
     codec: Codec = field(init=False)
     _sent: Vector | None = field(init=False, default=None)
@@ -253,4 +244,30 @@ class Mixer:
         self.shares = shares(self.config.robust, differences, weights)
         for share in self.shares.values():
             mean = mean + share
-        return self.rule.update(theta, step, mean, self.state)
+        new = self.rule.update(theta, step, mean, self.state)
+        for neighbour, share in self.shares.items():
+            self._book(neighbour, share, 1.0)
+        if self.config.missing == "symmetric":
+            self.unsettled |= self.shares
+        return new
+
+    def take_back(self, neighbour: str, theta: Vector) -> Vector:
+        """theta without the last share of a neighbour, which turned out not to hold ours."""
+        share = self.unsettled.pop(neighbour, None)
+        if share is None:
+            return theta
+        self._book(neighbour, share, -1.0)
+        return theta - share[: theta.size]
+
+    def forget(self, neighbour: str) -> None:
+        """The edge's part of the dual is void, at the other end too."""
+        self.state.pop(f"{DUAL}{neighbour}", None)
+
+    def _book(self, neighbour: str, share: Vector, sign: float) -> None:
+        """Add a share to the edge's part of the dual, or take it away."""
+        if not self.rule.booked or (sign < 0 and f"{DUAL}{neighbour}" not in self.state):
+            return
+        part = share[share.size - share.size // self.rule.copies :]
+        change = part * part.dtype.type(sign * self.rule.booked)
+        known = self.state.get(f"{DUAL}{neighbour}")
+        self.state[f"{DUAL}{neighbour}"] = change if known is None else known + change

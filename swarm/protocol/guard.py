@@ -65,6 +65,8 @@ class Guard:
             f"dropped a message from {sender[:SHOWN]} ({error}; {self._counts[error.cause]} so far "
             "for this cause, said once a minute)",
         )
+        if error.cause == "incarnation":  # an older life's; it must not shut out the newer
+            return
         account, now = self._account(sender), self._clock()
         recent = self._offences.setdefault(account, deque(maxlen=OFFENCES))
         recent.append(now)

@@ -1,11 +1,9 @@
 """Every time limit of an agent, and whom it pays to wait for.  Pure: no clock is read here."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection
 from typing import Annotated
 
 import msgspec
-
-from swarm.wire.payload import ParameterHeader
 
 Seconds = Annotated[float, msgspec.Meta(gt=0)]
 PATIENCE = 4.0  # times what a round usually takes
@@ -42,78 +40,3 @@ def deadline(durations: Collection[float], timing: Timing) -> float:
         return timing.round
     usual = sorted(durations)[int(0.9 * (len(durations) - 1))]
     return min(max(PATIENCE * usual, timing.round_floor), timing.round)
-
-
-def awaited(
-    round_: int,
-    neighbours: Collection[str],
-    newest: Mapping[str, int],
-    present: Collection[str],
-    late: Collection[str],
-) -> set[str]:
-    """Neighbours whose message of this round may still come.
-
-    Args:
-        round_: the round under way.
-        neighbours: those of this round.
-        newest: newest round heard from each sender.
-        present: agents whose token lives.
-        late: agents that let a deadline pass and have not caught up since.
-    """
-    return {
-        agent
-        for agent in neighbours
-        if agent in present and agent not in late and newest.get(agent, -1) < round_
-    }
-
-
-def elsewhere(
-    me: str, round_: int, neighbours: Collection[str], views: Iterable[ParameterHeader]
-) -> set[str]:
-    """Neighbours that exchange this round with others, not with ``me``: they will not answer.
-
-    Args:
-        me: own id.
-        round_: the round under way.
-        neighbours: those of this round.
-        views: newest header of each sender.
-    """
-    return {
-        header.agent
-        for header in views
-        if header.agent in neighbours and header.round >= round_ and me not in header.neighbours
-    }
-
-
-def strangers(
-    me: str, round_: int, neighbours: Collection[str], views: Iterable[ParameterHeader]
-) -> list[ParameterHeader]:
-    """Headers of those who wait for ``me`` in vain, as :func:`elsewhere` has it, and may be told.
-
-    One that is further on finds out by itself, or is told when this agent has come as far.
-    """
-    return [
-        header
-        for header in views
-        if header.agent not in neighbours and header.round <= round_ and me in header.neighbours
-    ]
-
-
-def out_of_time(
-    waiting: Collection[str], heard: Mapping[str, float], published: float, limit: float, now: float
-) -> set[str]:
-    """Neighbours that have been silent for too long.
-
-    One that waits for somebody else gives signs of life, so a cut-off agent costs its neighbours a
-    deadline, and their neighbours nothing.
-
-    Args:
-        waiting: for whom.
-        heard: when each was heard last [s].
-        published: when the own parameters went out [s].
-        limit: the round's :func:`deadline` [s].
-        now: the time [s].
-    """
-    if now < published + limit:
-        return set()
-    return {agent for agent in waiting if now - heard.get(agent, published) >= limit / 2}

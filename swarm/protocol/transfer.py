@@ -1,79 +1,62 @@
-"""What a joiner needs to go on where the swarm is: a neighbour's round and parameters."""
+"""What a joiner may believe: whose state it takes, if anybody's.  Pure.
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+Every member that is asked answers with its round, the norm of its parameters and its run.  The
+joiner takes the parameters that are furthest on among those whose sender is here in the life that
+membership knows, and whose run, round and norm another member confirms.  Where only one other
+member is here there is nobody else to ask, and its word counts.
+"""
 
-import zenoh
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from swarm.errors import PayloadError
-from swarm.mixing.compression import Plain
-from swarm.wire.dispatch import Dispatch
-from swarm.wire.keys import Keys
-from swarm.wire.payload import Layout, Message, ParameterHeader, decode_body, encode_header
-from swarm.wire.reception import Reception
+from swarm.protocol.messages import ParameterHeader
 
-State = tuple[int, float, tuple[str, ...], bytes]
+APART = 64  # rounds that two honest members may be apart while they answer, and
+SHARE = 10  # a so-manieth of what they have played: answers take their time
+LONGER = 10.0  # times another's norm, or 1, is as large as a believable one
 
 
 @dataclass(frozen=True, slots=True)
-class Handover:
-    """Answers joiners, and asks as one.
+class Answer:
+    """One member's state; the protocol does not look into the vector."""
 
-    Attributes:
-        session: an open session.
-        keys: the swarm's keys.
-        agent: own id.
-        layout: of the parameters alone, as they are: one copy, not encoded.
-        reception: reads and judges answers.
-        dispatch: signs them.
+    header: ParameterHeader
+    vector: Any
+
+
+def choose(
+    answers: Sequence[Answer], lives: Mapping[str, str], run: str | None, reached: float
+) -> Answer | None:
+    """The state to go on with, or None: one's own.
+
+    Args:
+        answers: of members, each of the norm that it claims.
+        lives: of the members who are here.
+        run: of the own checkpoint; None if there is none.
+        reached: how far the own state is.
     """
-
-    session: zenoh.Session
-    keys: Keys
-    agent: str
-    layout: Layout
-    reception: Reception
-    dispatch: Dispatch
-
-    def serve(self, newest: Callable[[], State]) -> "zenoh.Queryable[None]":
-        """Answer joiners with (round, learned, neighbours, bytes of theta) from ``newest``."""
-
-        def answer(query: zenoh.Query) -> None:
-            round_, learned, neighbours, body = newest()
-            header = self.dispatch.sign(self.layout, round_, neighbours, learned=learned)
-            query.reply(self.keys.state(self.agent), body, attachment=encode_header(header))
-
-        return self.session.declare_queryable(self.keys.state(self.agent), answer)
-
-    def fetch(self, timeout: float) -> Message | None:
-        """The newest parameters that anybody present has, or None if none come in time [s]."""
-        best: Message | None = None
-        for reply in self.session.get(
-            self.keys.state(), timeout=timeout, consolidation=zenoh.ConsolidationMode.NONE
-        ):
-            if reply.ok is None:
-                continue
-            _, sender = Keys.identity(str(reply.ok.key_expr))
-            try:
-                header = self.reception.read_header(reply.ok.attachment, self.layout)
-                if header.agent != sender:
-                    raise PayloadError("key", f'"{header.agent}" answers as "{sender}"')
-                vector = decode_body(reply.ok.payload.to_bytes(), self.layout, Plain())
-            except PayloadError as error:
-                self.reception.guard.reject(sender, error)
-                continue
-            if header.agent != self.agent and (
-                best is None or _reach(header) > _reach(best.header)
-            ):
-                best = Message(header, vector)
-        return best
+    here = [a for a in answers if lives.get(a.header.agent) == a.header.incarnation]
+    if run is None:
+        votes = Counter(answer.header.run for answer in here if answer.header.phase != "starting")
+        run, _ = max(votes.items(), key=lambda vote: (vote[1], vote[0]), default=(None, 0))
+    ours = [answer for answer in here if answer.header.run == run]
+    believed = [
+        answer
+        for answer in ours
+        if len(lives.keys() & {a.header.agent for a in here}) < 2
+        or any(_confirms(other.header, answer.header) for other in ours if other is not answer)
+    ]
+    best = max(believed, key=lambda answer: reach(answer.header), default=None)
+    return best if best is not None and reach(best.header) > reached else None
 
 
-def plain(layout: Layout) -> Layout:
-    """The layout of parameters that are handed over, where messages have ``layout``."""
-    return replace(layout, copies=1, codec="none")
-
-
-def _reach(header: ParameterHeader) -> tuple[float, int]:
+def reach(header: ParameterHeader) -> float:
     """How far a sender has come: what it has learned, or, where rounds are common, its round."""
-    return header.learned, header.round
+    return header.learned or header.round
+
+
+def _confirms(witness: ParameterHeader, claim: ParameterHeader) -> bool:
+    apart = APART + reach(witness) / SHARE
+    return reach(claim) <= reach(witness) + apart and claim.norm <= LONGER * max(witness.norm, 1.0)

@@ -124,7 +124,9 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         agent, incarnation, pid: who answers.
-        state: ``waiting`` for the swarm, ``learning``, ``finished``.
+        state: ``waiting`` for the swarm or for enough of it, ``learning``, ``finished``.
+        run: of the experiment, in which it is.
+        waiting: what it waits for at present, by agent; by ``""`` of the swarm as a whole.
         round, rounds: where it is and where it ends; without common rounds, what it has learned.
         neighbours: with whom it exchanges.
         value, distance, disagreement: of the newest report.
@@ -143,6 +145,8 @@ class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     round: int
     rounds: int
     neighbours: dict[str, NeighbourStatus]
+    run: str = ""
+    waiting: dict[str, str] = {}
     value: float | None = None
     distance: float | None = None
     disagreement: float | None = None

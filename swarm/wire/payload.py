@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
-from typing import Annotated, Literal
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 
 from swarm.errors import PayloadError
 from swarm.mixing.compression import Codec, FloatType
+from swarm.protocol.messages import LARGEST, PROTOCOL, ParameterHeader
 
-PROTOCOL = 4  # raise it when the meaning of a header or body changes
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
 Vector = NDArray[np.floating]
 Precision = Literal["float32", "float64"]
-Learned = Annotated[float, msgspec.Meta(ge=0)]  # refuses NaN too
 
 
 @dataclass(frozen=True)
@@ -69,33 +68,6 @@ class Layout:
     def shape(self) -> str:
         """Likewise of the parameters alone, for what is kept on disk."""
         return _digits((self.swarm, self.parts, self.precision))
-
-
-class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Travels beside one agent's parameters of one round.
-
-    Attributes:
-        version: :data:`PROTOCOL` of the sender.
-        fingerprint: :attr:`Layout.fingerprint` of the sender.
-        agent: who sends; the key must name the same one.
-        incarnation: which life of that agent's process.
-        round: number of the round that the parameters enter.
-        neighbours: with whom the sender exchanges in this round; an edge counts when both name
-            each other, and its weight follows from both lists' lengths.
-        used: weights that the sender used in its last rounds, by round and neighbour; see
-            :mod:`swarm.protocol.ledger`.
-        learned: what the sender has learned so far [rounds], in a swarm without common rounds; see
-            :mod:`swarm.mixing.staleness`.
-    """
-
-    version: int
-    fingerprint: str
-    agent: str
-    incarnation: str
-    round: int
-    neighbours: tuple[str, ...]
-    used: dict[int, dict[str, float]] = {}
-    learned: Learned = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +123,7 @@ def decode_header(
             f"parameters of another layout, fingerprint {header.fingerprint!r}: "
             f"expected {layout.fingerprint!r}",
         )
-    if not 0 <= header.round <= last:
+    if not 0 <= header.round <= min(last, LARGEST):
         window = f"0 to {last}" if last < math.inf else "0 or more"
         raise PayloadError("round", f"round {header.round}: expected {window}")
     if header.learned > most:

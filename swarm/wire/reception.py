@@ -13,13 +13,13 @@ import zenoh
 from swarm.errors import PayloadError
 from swarm.mixing.compression import Codec
 from swarm.protocol.guard import Guard
+from swarm.protocol.messages import ParameterHeader, order
 from swarm.wire.inbox import Inbox
 from swarm.wire.keys import Keys
 from swarm.wire.parcels import unwrap
 from swarm.wire.payload import (
     Layout,
     Message,
-    ParameterHeader,
     check_norm,
     decode_body,
     decode_header,
@@ -40,11 +40,12 @@ class Reception:
         layout: what the vectors mean.
         codec: their encoding.
         roster: who is present, and in which life.
+        inbox: takes what is accepted.
         last: number of the swarm's last round; who claims a later one lies.
         most: what can be learned in it [rounds]; who claims more lies.
 
     Attributes:
-        inbox: what was accepted.
+        inbox: takes what is accepted.
         guard: who was refused, and why.
     """
 
@@ -57,10 +58,11 @@ class Reception:
         layout: Layout,
         codec: Codec,
         roster: Roster,
+        inbox: Inbox,
         last: float,
         most: float,
     ) -> None:
-        self.inbox, self.guard = Inbox(), Guard(members)
+        self.inbox, self.guard = inbox, Guard(members)
         self._session, self._agent, self._members = session, agent, members
         self._layout, self._codec, self._roster = layout, codec, roster
         self._last, self._most = last, most
@@ -100,7 +102,7 @@ class Reception:
             return
         try:
             header = self.read_header(sample.attachment, self._layout)
-            self._check_sender(header, sender)
+            self.check_sender(header, sender)
             if len(sample.payload) == 0:
                 self.inbox.touch(header)
                 return
@@ -111,7 +113,7 @@ class Reception:
         else:
             self.inbox.store(Message(header, vector))
 
-    def _check_sender(self, header: ParameterHeader, sender: str) -> None:
+    def check_sender(self, header: ParameterHeader, sender: str) -> None:
         """The header must name another member in its present life, and the key the same one.
 
         Access control proves the key, so the header may not say otherwise.  (Zenoh can deliver a
@@ -123,7 +125,8 @@ class Reception:
         if header.agent == self._agent or header.agent not in self._members:
             raise PayloadError("stranger", f'"{header.agent}" is not another agent of this swarm')
         known = self._roster.incarnation(header.agent)
-        if known not in {None, header.incarnation}:  # its first message may overtake its token
+        # The first message of a life may overtake its token.
+        if known is not None and order(header.incarnation) < order(known):
             raise PayloadError(
                 "incarnation",
                 f"{header.agent} in its life {header.incarnation}: expected {known}",

@@ -17,8 +17,9 @@ import msgspec
 import zenoh
 
 from swarm.errors import NetworkError, PayloadError
+from swarm.protocol.messages import PROTOCOL
 from swarm.wire.keys import SHOWN, Keys
-from swarm.wire.payload import PROTOCOL, Layout
+from swarm.wire.payload import Layout
 
 log = logging.getLogger(__name__)
 LOOK = 2.0  # [s] at most for those who are here to say what they speak

@@ -12,20 +12,32 @@ from typing import Self
 
 import zenoh
 
-from swarm.errors import NetworkError, PayloadError
+from swarm.errors import PayloadError
+from swarm.protocol.messages import newest, order
 from swarm.wire.keys import Keys
+
+LIVES = 16  # of one id, kept at most
+LOOK = 1.0  # [s] at most for tokens that are asked for
 
 
 @dataclass(slots=True)
 class Presence:
-    """Pure bookkeeping of tokens: agent -> incarnations alive, in order of arrival."""
+    """Pure bookkeeping of tokens: agent -> incarnations alive.
 
+    Attributes:
+        members: whose tokens count.
+        alive: their incarnations.
+    """
+
+    members: Collection[str]
     alive: dict[str, list[str]] = field(default_factory=dict)
 
     def put(self, agent: str, incarnation: str) -> None:
-        """A token appeared; the newest incarnation of an agent is the one that counts."""
+        """A token appeared; the latest incarnation of an agent is the one that counts."""
+        if agent not in self.members:
+            return
         lives = self.alive.setdefault(agent, [])
-        if incarnation not in lives:
+        if incarnation not in lives and len(lives) < LIVES:
             lives.append(incarnation)
 
     def delete(self, agent: str, incarnation: str) -> None:
@@ -37,9 +49,8 @@ class Presence:
             self.alive.pop(agent, None)
 
     def incarnation(self, agent: str) -> str | None:
-        """The newest living incarnation of an agent."""
-        lives = self.alive.get(agent)
-        return lives[-1] if lives else None
+        """The latest living incarnation of an agent."""
+        return max(self.alive.get(agent, ()), key=order, default=None)
 
 
 class Roster:
@@ -48,6 +59,7 @@ class Roster:
     Args:
         session: an open session.
         keys: the swarm's keys.
+        members: of the swarm; others do not count.
         refused: ids that do not count as present (:mod:`swarm.wire.refusals`).
     """
 
@@ -55,11 +67,12 @@ class Roster:
         self,
         session: zenoh.Session,
         keys: Keys,
+        members: Collection[str],
         refused: Callable[[], Collection[str]] = tuple,
     ) -> None:
         self._session, self._keys, self._refused = session, keys, refused
         self._on_change: list[Callable[[], None]] = []
-        self._presence = Presence()
+        self._presence = Presence(members)
         self._changed = threading.Condition()
         self._token: zenoh.LivelinessToken | None = None
         self._subscriber = session.liveliness().declare_subscriber(
@@ -85,16 +98,23 @@ class Roster:
         self._on_change.append(call)
 
     def present(self) -> dict[str, str]:
-        """Agents that are here, each with its newest incarnation."""
+        """Agents that are here, each with its latest incarnation."""
         refused = self._refused()
         with self._changed:
             alive = self._presence.alive.items()
-            return {agent: lives[-1] for agent, lives in alive if agent not in refused}
+            return {agent: newest(lives) for agent, lives in alive if agent not in refused}
 
     def incarnation(self, agent: str) -> str | None:
-        """The newest living incarnation of an agent, None if it is not here."""
+        """The latest living incarnation of an agent, None if it is not here."""
         with self._changed:
             return self._presence.incarnation(agent)
+
+    def earlier(self, agent: str) -> list[str]:
+        """Lives of an agent that are here already; asks the network, for tokens take their time."""
+        key = self._keys.alive(agent)
+        replies = self._session.liveliness().get(key, timeout=LOOK)
+        tokens = (str(reply.ok.key_expr) for reply in replies if reply.ok is not None)
+        return [Keys.token(token)[1] for token in tokens]
 
     def announce(self, agent: str, incarnation: str) -> None:
         """Be present, until the roster is closed."""
@@ -114,23 +134,6 @@ class Roster:
                     return missing
                 self._changed.wait(min(left, 0.1))
         return set()
-
-    def wait_until_free(self, agent: str, deadline: float) -> None:
-        """Wait until nobody lives under this id; the token of a frozen predecessor takes a lease.
-
-        Raises:
-            NetworkError: the id is still taken at the deadline [s].
-        """
-        end = time.monotonic() + deadline
-        with self._changed:
-            while (other := self._presence.incarnation(agent)) is not None:
-                left = end - time.monotonic()
-                if left <= 0:
-                    raise NetworkError(
-                        f'agent id "{agent}" is taken in swarm "{self._keys.swarm}" by incarnation '
-                        f"{other}: expected an id that nobody else uses"
-                    )
-                self._changed.wait(left)
 
     def __enter__(self) -> Self:
         return self

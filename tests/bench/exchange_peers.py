@@ -22,6 +22,8 @@ from numpy.typing import NDArray
 
 from swarm.exchange import Exchange
 from swarm.mixing.compression import Plain
+from swarm.protocol.machine import Machine
+from swarm.protocol.quorum import Quorum
 from swarm.protocol.timing import Timing
 from swarm.wire.keys import Keys
 from swarm.wire.payload import Layout
@@ -64,27 +66,34 @@ class Ours:
         party = Party(names[rank], Keys("bench"), names)
         self._opened = open_session(network, party, endpoints[rank : rank + 1], endpoints[:rank])
         session = self._opened.__enter__()
-        roster = Roster(session, party.keys)
-        self._exchanges = {
-            size: Exchange(
-                session, Keys(f"bench{size}"), (names[rank], "1"), names,
-                Layout(swarm="bench", parts=(("theta", (size,)),)),
-                Plain(), Timing(), roster, shared_memory=shared_memory,
-            )
-            for size in SIZES
-        }  # fmt: skip
+        roster = Roster(session, party.keys, names)
+
+        def exchange(size: int) -> Exchange:
+            layout = Layout(swarm="bench", parts=(("theta", (size,)),))
+            machine = Machine(
+                names[rank], "1", names, lambda here: self._nearby, layout.fingerprint, 10**9,
+                Timing(), Quorum(), "bench",
+            )  # fmt: skip
+            return Exchange(
+                session, Keys(f"bench{size}"), machine, layout, Plain(), roster,
+                shared_memory=shared_memory,
+            )  # fmt: skip
+
+        self._exchanges = {size: exchange(size) for size in SIZES}
         self._rounds = {size: count() for size in SIZES}
         roster.announce(names[rank], "1")
         roster.wait_for(names, LIMIT)
         end = time.monotonic() + LIMIT
-        for exchange in self._exchanges.values():  # their subscriptions may come after their tokens
+        for opened in self._exchanges.values():  # their subscriptions may come after their tokens
             for neighbour in self._nearby:
-                publisher: Any = exchange.dispatch.publisher(
+                publisher: Any = opened.dispatch.publisher(
                     neighbour
                 )  # zenoh's stubs err about its status
                 while not publisher.matching_status.matching:
                     assert time.monotonic() < end, f"{neighbour} does not listen"
                     time.sleep(0.01)
+        for opened in self._exchanges.values():
+            opened.start(0, True, threading.Event())
 
     def step(self, size: int) -> Step:
         return self._round(size, lambda: None)
@@ -101,10 +110,11 @@ class Ours:
 
         def once() -> None:
             round_ = next(rounds)
-            exchange.publish(round_, self._nearby, codec.encode(theta), norm=norm)
+            exchange.publish(round_, codec.encode(theta), norm)
             work()
-            gathered = exchange.gather(round_, self._nearby, stop)
-            assert len(gathered.arrived) == 2, gathered.missing
+            gathered = exchange.gather(stop)
+            assert gathered is not None
+            assert len(gathered.mix.used) == 2, gathered.mix.missing
 
         return once
 

@@ -17,8 +17,9 @@ from agent.learning.learners import build_learner
 from agent.storage.runfolder import RunFolder
 from deploy.observe.status import collect, observe
 from swarm.protocol.guard import STRANGERS
+from swarm.protocol.messages import PROTOCOL
 from swarm.wire.keys import Keys
-from swarm.wire.payload import HEADER_LIMIT, PROTOCOL, Layout
+from swarm.wire.payload import HEADER_LIMIT, Layout
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
@@ -51,7 +52,7 @@ def test_bad_messages_are_counted_and_dropped(tmp_path: Path) -> None:
                 "agent": "drone1",
                 "incarnation": alive,
                 "round": 5,
-                "neighbours": ["drone0"],
+                "neighbours": {"drone0": [0, True, [], 0]},
             }
             return msgspec.msgpack.encode(good | changes)
 
@@ -105,7 +106,8 @@ def hostile(layout: Layout, replayed: list[tuple[bytes, bytes]]) -> Iterator[tup
 
     def header(**changes: object) -> bytes:
         fields = {"version": PROTOCOL, "fingerprint": layout.fingerprint, "agent": TRAITOR}
-        fields |= {"incarnation": "f00d", "round": 5, "neighbours": list(MEMBERS)}
+        fields |= {"incarnation": "f00d", "round": 5}
+        fields["neighbours"] = {member: [0, True, [], 0] for member in MEMBERS}
         return msgspec.msgpack.encode(fields | changes)
 
     body = np.zeros(layout.size, "<f4").tobytes()
@@ -163,10 +165,17 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
         before = collect(session, config, 10.0)
         assert set(before) == set(MEMBERS)
         token = session.liveliness().declare_token(keys.alive(TRAITOR, "f00d"))
-        until(
-            lambda: all(TRAITOR in s.neighbours for s in collect(session, config, 10.0).values()),
-            "everybody knows the traitor",
-        )
+        hello = msgspec.msgpack.encode(
+            {"version": PROTOCOL, "fingerprint": layout.fingerprint, "agent": TRAITOR,
+             "incarnation": "f00d", "round": 0, "run": before["drone0"].run,
+             "neighbours": {member: [0, True, [], 0] for member in MEMBERS}}
+        )  # fmt: skip
+
+        def known() -> bool:
+            session.put(keys.params(TRAITOR), b"", attachment=hello)
+            return all(TRAITOR in s.neighbours for s in collect(session, config, 10.0).values())
+
+        until(known, "everybody knows the traitor")
         params = {
             sender: session.declare_publisher(
                 keys.params(sender), congestion_control=zenoh.CongestionControl.BLOCK

@@ -11,7 +11,8 @@ def test_a_newcomer_gets_the_file_and_strangers_are_refused_on_both_sides(tmp_pa
     port = free_base_port(6)
     common = [
         *("--set", f"network.base_port={port}", "--set", "rounds=1000000"),
-        *("--set", "timing.start=0.3", "--set", "policy.precision=float64"),
+        *("--set", "timing.start=0.3", "--set", "quorum.minimum=0"),
+        *("--set", "policy.precision=float64"),
     ]
     there, log = tmp_path / "there", RunFolder(tmp_path / "there").log("drone0")
     asked = [f"tcp/127.0.0.1:{port}"]

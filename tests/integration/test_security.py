@@ -150,7 +150,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
                 open_session(
                     config.network, config.party(OBSERVER), (), list(map(config.endpoint, MEMBERS))
                 ) as watcher,
-                Roster(watcher, keys) as roster,
+                Roster(watcher, keys, MEMBERS) as roster,
             ):
                 assert not roster.wait_for(MEMBERS, PATIENCE)
                 assert roster.present() == incarnations

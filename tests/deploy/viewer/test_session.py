@@ -107,7 +107,7 @@ def test_it_watches_a_running_swarm_to_its_end(config: SwarmFile, tmp_path: Path
             open_session(
                 config.network, config.party("drone0"), [config.endpoint("drone0")], ()
             ) as zenoh,
-            Roster(zenoh, keys) as roster,
+            Roster(zenoh, keys, config.members) as roster,
             TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
         ):
             telemetry._reports.declare_matching_listener(lambda status: watched.set())
@@ -139,7 +139,7 @@ def test_it_begins_with_what_was_before_and_outlives_the_swarm(
         listen = [config.endpoint("drone0")]
         with (
             open_session(config.network, config.party("drone0"), listen, ()) as zenoh,
-            Roster(zenoh, keys) as roster,
+            Roster(zenoh, keys, config.members) as roster,
             TelemetryPublisher(zenoh, keys, "drone0") as telemetry,
         ):
             key = keys.history("drone0")

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 
 from swarm.errors import PayloadError
 from swarm.mixing.compression import Plain
+from swarm.protocol.messages import PROTOCOL, ParameterHeader, Statement
 from swarm.wire.payload import (
     HEADER_LIMIT,
-    PROTOCOL,
     Layout,
     Message,
-    ParameterHeader,
     check_norm,
     decode_body,
     decode_header,
@@ -35,7 +34,7 @@ def header(**changes: object) -> bytes:
         "agent": "d0",
         "incarnation": "1f",
         "round": 3,
-        "neighbours": ["d1"],
+        "neighbours": {"d1": [0, True, [], 0]},
     }
     return msgspec.msgpack.encode(fields | changes)
 
@@ -47,7 +46,7 @@ def test_round_trip() -> None:
         agent="d0",
         incarnation="1f",
         round=3,
-        neighbours=("d1",),
+        neighbours={"d1": Statement()},
     )
     message = decode(encode_header(sent), BODY, LAYOUT, Plain())
     assert message.header == sent

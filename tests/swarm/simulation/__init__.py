@@ -1,0 +1,1 @@
+"""The protocol in a virtual world: see :mod:`tests.swarm.simulation.world`."""
