@@ -191,7 +191,8 @@ def worlds(
     A table, and with --sheet their plans and views as a picture.
     """
     from deploy.flying.sheet import worlds as show  # noqa: PLC0415
+    from deploy.process.news import working  # noqa: PLC0415
     from sim.indoor.content.scenes import NAMES  # noqa: PLC0415
 
-    with plain_errors():
+    with plain_errors(), working("building the worlds"):
         show(scenes or NAMES, sheet, width)

@@ -14,6 +14,7 @@ from agent.storage.runfolder import RunFolder
 from agent.storage.runs import RUNS
 from deploy.cli.options import Chaos, Device, MaybeFile, Settings, on
 from deploy.process.logs import log_to
+from deploy.process.news import working
 from deploy.process.signals import stop_on_signals
 from swarm.wire.keys import check_name
 
@@ -104,7 +105,8 @@ def agent(
     folder.prepare(id_)
     log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
     if config is None:
-        config = fetch_config(name, id_, connect or (), settings)
+        with working(f"asking swarm {name} for its file"):
+            config = fetch_config(name, id_, connect or (), settings)
         folder.write_config(config)
     if supervised:
         threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()

@@ -100,5 +100,8 @@ def doctor(
     Exit code: 0 all is well, 1 it is not.
     """
     from deploy.diagnose.doctor import diagnose, show  # noqa: PLC0415
+    from deploy.process.news import working  # noqa: PLC0415
 
-    raise typer.Exit(show(diagnose(target, settings or (), id_, timeout), json))
+    with working("looking at the swarm"):
+        diagnosis = diagnose(target, settings or (), id_, timeout)
+    raise typer.Exit(show(diagnosis, json))

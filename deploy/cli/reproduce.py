@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from agent.storage.runs import RUNS
+from deploy.process.news import working
 from deploy.process.packages import needs
 from deploy.process.signals import StoppedError, stopping_at_signals
 from deploy.reproduce.claims import Findings, Options, Study, publish
@@ -53,16 +54,12 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
         SwarmError: matplotlib is missing.
     """
     _need_figures()
-    errors, console = Console(stderr=True), _console()
-    good = True
-    for name in names:
+    console, good, names = _console(), True, tuple(names)
+    for k, name in enumerate(names, 1):
         study: Study = import_module(f"deploy.reproduce.{name}").study
-        with errors.status(name) as status:
-
-            def say(text: str, name: str = name) -> None:
-                status.update(f"{name}: {text}")
-
-            options = Options(out / name, seeds, quick, say)
+        label = name if len(names) == 1 else f"{name}, study {k} of {len(names)}"
+        with working(label) as news:
+            options = Options(out / name, seeds, quick, news.say)
             good &= publish(name, study, options, as_json, console)
     raise typer.Exit(0 if good else 1)
 

@@ -14,6 +14,8 @@ from agent.config.experiment import SwarmFile, load
 from agent.learning.learners import build_learner
 from agent.storage.runfolder import RunFolder, open_run
 from agent.storage.runs import check_own_folder, new_run, point_latest_to
+from deploy.flying.warmup import warm_up
+from deploy.process.news import working
 from deploy.process.ports import hold, hold_free
 from swarm.errors import ConfigError
 from swarm.wire.security import OBSERVER
@@ -45,7 +47,9 @@ def prepare(config: SwarmFile, run: Path | None) -> Iterator[Prepared]:
     Raises:
         ConfigError: the folder exists already, or a task cannot be built.
     """
-    check_tasks(config)
+    with working("getting ready"):
+        check_tasks(config)
+        warm_up(entry.task for entry in config.agents)
     check_certificates(config)
     if run is not None:
         check_own_folder("--run", run)

@@ -4,6 +4,7 @@ An agent is present from the moment it declares its token until Zenoh withdraws 
 process ends in whatever way, after the lease when it freezes or is cut off.
 """
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Collection, Iterable
@@ -16,8 +17,10 @@ from swarm.errors import PayloadError
 from swarm.protocol.messages import newest, order
 from swarm.wire.keys import Keys
 
+log = logging.getLogger(__name__)
 LIVES = 16  # of one id, kept at most
 LOOK = 1.0  # [s] at most for tokens that are asked for
+TELL = (2.0, 30.0)  # [s] of waiting before the log says for whom; between the later lines
 
 
 @dataclass(slots=True)
@@ -127,11 +130,16 @@ class Roster:
         """Wait until all ``agents`` are present; return those that are not by the deadline [s]."""
         wanted = set(agents)
         end = time.monotonic() + deadline
+        told, pause = time.monotonic(), TELL[0]
         with self._changed:
             while missing := wanted - (self._presence.alive.keys() - set(self._refused())):
                 left = end - time.monotonic()
                 if left <= 0 or (stop is not None and stop.is_set()):
                     return missing
+                if time.monotonic() - told >= pause:
+                    told, pause = time.monotonic(), TELL[1]
+                    names = ", ".join(sorted(missing))
+                    log.info("waiting for %s, %.0f s at most", names, left)
                 self._changed.wait(min(left, 0.1))
         return set()
 
