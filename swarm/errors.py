@@ -4,6 +4,7 @@
 
     SwarmError                 base of everything that this project raises on purpose
     ├── ConfigError            a swarm file, an option or an argument of the user's
+    │   └── TooEarlyError      a certificate that begins later; the clock may not be set yet
     ├── NetworkError           a session cannot be opened, an id is taken, nobody answers
     ├── SupersededError        a later life of this very agent has begun; this one ends
     ├── PayloadError           a received message is not acceptable; carries a short cause
@@ -24,6 +25,10 @@ class ConfigError(SwarmError):
     """A user's file, key, value or argument is wrong.  Starting again would not help."""
 
     exit_code = 2
+
+
+class TooEarlyError(ConfigError):
+    """By this machine's clock a certificate is not valid yet; waiting may help."""
 
 
 class NetworkError(SwarmError):

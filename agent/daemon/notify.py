@@ -20,6 +20,10 @@ class Systemd:
         """The agent is a member of its swarm."""
         self._send("READY=1")
 
+    def starting(self, status: str, more: float) -> None:
+        """Not ready yet, and here is why; grant ``more`` [s] from now for the start."""
+        self._send(f"EXTEND_TIMEOUT_USEC={int(more * 1e6)}\nSTATUS={status}")
+
     def alive(self, status: str) -> None:
         """A round has been played: feed the watchdog, and say in a line how it stands."""
         self._send(f"WATCHDOG=1\nSTATUS={status}")

@@ -24,6 +24,7 @@ from agent.config.agreement import agreed
 from agent.config.experiment import SwarmFile
 from agent.daemon import answers
 from agent.daemon.answers import Life
+from agent.daemon.clock import await_clock
 from agent.daemon.joining import serve_config
 from agent.daemon.metrics import serve_metrics
 from agent.daemon.notify import Systemd
@@ -92,13 +93,15 @@ def run_agent(
     Raises:
         SwarmError: for everything that a user can mend.
     """
-    index = config.index(agent)
+    index, systemd = config.index(agent), Systemd()
     folder.prepare(agent)
+    if not await_clock(config.network.security, agent, stop, systemd):
+        return 0
     learner = build_learner(config, agent)
     layout, keys = layout_of(config, learner), Keys(config.name)
     first = _first_checkpoint(learner, layout, folder, agent, resume, begin)
     mixer = Mixer(config.mixing)
-    life, systemd = Life("waiting", first), Systemd()
+    life = Life("waiting", first)
     endpoints = [config.endpoint(member) for member in config.members]
     listen = config.network.listen or endpoints[index]
     with ExitStack() as resources:

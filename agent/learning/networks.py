@@ -13,11 +13,13 @@ from typing import cast
 
 import torch
 from gymnasium import spaces
+from msgspec.structs import replace
 from torch import Tensor, nn
 
 from agent.errors import TaskError
 from agent.learning.policies import C3F2, Neural
 
+CHANNELS = 4  # at most, of one picture; that many rows are none
 WIDE = 36  # pixels; the smallest picture that the strided convolutions can take
 
 
@@ -47,7 +49,8 @@ class Vectors(nn.Module):
         self.dtype = dtype
 
     def forward(self, numbers: Tensor) -> Tensor:
-        return numbers.flatten(1).to(self.dtype)
+        flat = numbers.flatten(1) if numbers.ndim > 1 else numbers.unsqueeze(1)
+        return flat.to(self.dtype)
 
 
 class PolicyNetwork(nn.Module):
@@ -127,6 +130,13 @@ def compute_type(policy: Neural, pictures: bool) -> torch.dtype:
     return torch.bfloat16 if pictures and fast else torch.float32
 
 
+def available(policy: Neural) -> Neural:
+    """The policy, on the CPU where this machine has no other device: for who only acts."""
+    if policy.device == "cuda" and not torch.cuda.is_available():
+        return replace(policy, device="cpu")
+    return policy
+
+
 def build(
     policy: Neural,
     observations: spaces.Space[object],
@@ -141,9 +151,17 @@ def build(
     """
     if not isinstance(actions, spaces.Discrete):
         raise TaskError(f"actions are {actions}: expected a Discrete space")
-    if not isinstance(observations, spaces.Box):
-        raise TaskError(f"observations are {observations}: expected a Box space")
+    if not isinstance(observations, spaces.Box) or 0 in observations.shape:
+        raise TaskError(
+            f"observations are {observations}: expected a Box space "
+            "(gymnasium.wrappers.FlattenObservation makes one of most others)"
+        )
     pictures = is_picture(observations)
+    if pictures and observations.shape[0] <= CHANNELS < observations.shape[-1]:
+        raise TaskError(
+            f"observations are pictures of {observations.shape}: expected channels last, "
+            f"{(*observations.shape[1:], observations.shape[0])}"
+        )
     dtype = compute_type(policy, pictures)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)

@@ -20,6 +20,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 import torch
+from gymnasium.spaces import Discrete
+from gymnasium.wrappers import TransformAction
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -49,16 +51,21 @@ class _Samples:
 
 
 def make_world(config: SwarmFile, agent: str) -> gymnasium.Env[Any, Any]:
-    """The world of an agent's task.
+    """The world of an agent's task; its actions count from 0, whatever the task's own begin with.
 
     Raises:
         TaskError: the environment is unknown or refuses its arguments.
     """
     task = config.agents[config.index(agent)].task
     try:
-        return gymnasium.make(task.env, **task.kwargs)
+        world = gymnasium.make(task.env, **task.kwargs)
     except (gymnasium.error.Error, TypeError, ValueError, KeyError, ImportError) as error:
         raise TaskError(f'agent "{agent}": task "{task.env}" cannot be made: {error}') from None
+    actions = world.action_space
+    if not isinstance(actions, Discrete) or actions.start == 0:
+        return world
+    first = actions.start
+    return TransformAction(world, lambda action: first + action, Discrete(actions.n))
 
 
 class NeuralLearner:

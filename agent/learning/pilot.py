@@ -23,7 +23,7 @@ from safetensors.numpy import save
 from agent.config.experiment import load
 from agent.errors import CheckpointError
 from agent.learning.flat import FlatNetwork
-from agent.learning.networks import build
+from agent.learning.networks import available, build
 from agent.learning.neural import make_world
 from agent.learning.policies import Neural, Tabular
 from agent.learning.rollout import Choice, Observations
@@ -54,7 +54,7 @@ class Form(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         low, high = (0, 255) if self.dtype == "uint8" else (-np.inf, np.inf)
         seen = spaces.Box(low, high, self.shape, np.dtype(self.dtype).type)
         return FlatNetwork(
-            build(self.policy, seen, spaces.Discrete(self.actions), self.critic, seed=0)
+            build(available(self.policy), seen, spaces.Discrete(self.actions), self.critic, seed=0)
         )
 
 
@@ -68,6 +68,7 @@ class Pilot:
     """
 
     def __init__(self, form: Form, theta: Vector, seed: int = 0) -> None:
+        form = msgspec.structs.replace(form, policy=available(form.policy))
         self.form, self.theta = form, theta
         self.flat = form.network()
         if theta.size != self.flat.theta.numel():

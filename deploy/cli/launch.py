@@ -43,7 +43,7 @@ def up(
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
-    settings = on(device, settings)
+    settings = on(device, settings, file or (resume and resume / "config.json"))
     if resume is not None:
         with prepare_again(resume, settings) as prepared:
             faults = load_faults(chaos, prepared.config) if chaos else ()
@@ -95,7 +95,7 @@ def agent(
         raise typer.BadParameter("expected either FILE or --join NAME")
     if connect and join is None:
         raise typer.BadParameter("--connect goes with --join: FILE has its endpoints")
-    settings = on(device, settings)
+    settings = on(device, settings, file)
     config = load(file, settings) if file is not None else None
     if config is not None:
         config.index(id_)

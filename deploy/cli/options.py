@@ -6,7 +6,12 @@ from typing import Annotated
 
 import typer
 
+from agent.config.experiment import load
+from agent.learning.policies import Tabular
 from deploy.library import FAULTS, POLICIES, SWARMS, find
+from swarm.errors import ConfigError
+
+DEVICES = ("cpu", "cuda")
 
 
 def swarm_file(path: Path | None) -> Path | None:
@@ -77,6 +82,24 @@ Seed = Annotated[int, typer.Option(min=0, help="Of all randomness.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
-def on(device: str | None, settings: Iterable[str] | None) -> list[str]:
-    """The settings, with ``--device`` as one of them."""
-    return [*(settings or ()), *([f'policy.device="{device}"'] if device else [])]
+def on(device: str | None, settings: Iterable[str] | None, file: Path | None) -> list[str]:
+    """The settings, with ``--device`` as one of them.
+
+    Args:
+        device: where networks compute; None: as the file says.
+        settings: of ``--set``.
+        file: whose policy is to be one, where it is known.
+
+    Raises:
+        ConfigError: there is no such device, or what is learned is a table.
+    """
+    given = list(settings or ())
+    if device is None:
+        return given
+    if device not in DEVICES:
+        raise ConfigError(f'--device "{device}": expected {" or ".join(DEVICES)}')
+    if file is not None and isinstance(load(file, given).policy, Tabular):
+        raise ConfigError(
+            f'--device {device}: policy.kind = "tabular" needs none; expected it for a network'
+        )
+    return [*given, f'policy.device="{device}"']

@@ -117,7 +117,10 @@ def judge_security(facts: Facts) -> Check:
     """The own certificate or password."""
     name, security, found = "certificate", facts.config.network.security, facts.certificate
     if isinstance(found, str):
-        return Check(name, False, found, "make it with swarm certs, or correct [network.security]")
+        advice = "make it with swarm certs, or correct [network.security]"
+        if facts.early:
+            advice = "set the clock (timedatectl set-ntp true); an agent waits for it, then starts"
+        return Check(name, False, found, advice)
     if found is None:
         text = (
             "passwords, no TLS" if security.users else "no TLS: whoever reaches a port takes part"

@@ -21,7 +21,7 @@ import zenoh
 from agent.config.experiment import SwarmFile
 from agent.daemon.process import layout_of
 from agent.learning.learners import build_learner
-from swarm.errors import ConfigError, PayloadError
+from swarm.errors import ConfigError, PayloadError, TooEarlyError
 from swarm.protocol.messages import PROTOCOL
 from swarm.reports.telemetry import RoundReport, watch_reports
 from swarm.wire.endpoints import host_and_port, plain_host
@@ -103,6 +103,7 @@ class Facts:
         present: tokens seen by a session as an agent's own.
         echo: whether our own multicast came back; None when it is not used.
         hellos: endpoints that others told by multicast.
+        early: nothing is wrong with the certificate but that it is not valid yet.
     """
 
     config: SwarmFile
@@ -115,12 +116,13 @@ class Facts:
     present: tuple[Token, ...] = ()
     echo: bool | None = None
     hellos: tuple[str, ...] = ()
+    early: bool = False
 
 
 def examine(config: SwarmFile, agent: str | None, ours: Language, timeout: float) -> Facts:
     """Look at everything; no single wait is longer than ``timeout`` [s]."""
     party = config.party(agent or OBSERVER)
-    certificate = _certificate(config.network, party)
+    certificate, early = _certificate(config.network, party)
     able = not isinstance(certificate, str)
     endpoints = {member: config.endpoint(member) for member in config.members}
 
@@ -144,6 +146,7 @@ def examine(config: SwarmFile, agent: str | None, ours: Language, timeout: float
             present=present.result() if present else (),
             echo=scouted.result()[0] if scouted else None,
             hellos=scouted.result()[1] if scouted else (),
+            early=early,
         )
 
 
@@ -158,14 +161,15 @@ def language(config: SwarmFile) -> Language:
     return Language(Spoken(PROTOCOL, layout.fingerprint), Spoken(PROTOCOL, plain.fingerprint))
 
 
-def _certificate(network: Network, party: Party) -> Certificate | str | None:
+def _certificate(network: Network, party: Party) -> tuple[Certificate | str | None, bool]:
+    """The own one, or what is wrong with it; and whether only the time is."""
     try:
         network.security.check(party.name)
         if not network.security.tls:
-            return None
-        return read_certificate(network.security.files_of(party.name))
+            return None, False
+        return read_certificate(network.security.files_of(party.name)), False
     except ConfigError as error:
-        return str(error)
+        return str(error), isinstance(error, TooEarlyError)
 
 
 def own_port(endpoint: str) -> Port:

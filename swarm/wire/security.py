@@ -29,11 +29,12 @@ from typing import Any
 
 import msgspec
 
-from swarm.errors import ConfigError
+from swarm.errors import ConfigError, TooEarlyError
 from swarm.wire.endpoints import plain_host
 from swarm.wire.keys import Keys
 
 OBSERVER = "observer"  # common name of viewers, launchers and status: reads, says nothing
+NOT_YET_VALID = 9  # X509_V_ERR_CERT_NOT_YET_VALID
 AGENT = "{agent}"  # placeholder in paths
 
 
@@ -193,6 +194,7 @@ def read_certificate(files: Security) -> Certificate:
     OpenSSL is the judge: the certificate is shown to one who trusts the authority, in memory.
 
     Raises:
+        TooEarlyError: it begins later than now.
         ConfigError: one line that names the file.
     """
     for what in ("ca", "certificate", "key"):
@@ -204,8 +206,12 @@ def read_certificate(files: Security) -> Certificate:
     try:
         shown = _handshake(trusting, showing)
     except ssl.SSLCertVerificationError as error:
+        if error.verify_code == NOT_YET_VALID:
+            raise TooEarlyError(
+                f'certificate "{files.certificate}" is not valid yet by this machine\'s clock, '
+                f"which says {time.strftime('%Y-%m-%d %H:%M', time.gmtime())} UTC"
+            ) from None
         why = {
-            9: "is not valid yet (or this machine's clock is slow)",
             10: "has expired",
             19: f'is not signed by ca "{files.ca}"',
             20: f'is not signed by ca "{files.ca}"',

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import pytest
+import torch
+from msgspec.structs import replace
 
 from agent.errors import CheckpointError
 from agent.learning.pilot import Form, Pilot
@@ -37,6 +39,19 @@ def test_a_saved_policy_acts_the_same(tmp_path: Path, form: Form) -> None:
     np.testing.assert_array_equal(there.theta, here.theta)
     np.testing.assert_array_equal(there.actions(seen, True), here.actions(seen, True))
     assert len(set(here.actions(seen, greedy=True).tolist())) > 1
+
+
+def test_a_policy_of_another_machine_flies_on_the_cpu(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    here = pilot(VECTOR)
+    here.form = replace(VECTOR, policy=Network((8,), device="cuda"))
+    here.save(tmp_path / "policy.safetensors")
+    there = Pilot.load(tmp_path / "policy.safetensors")
+    assert there.form.policy.device == "cpu"
+    seen = observations(VECTOR)
+    np.testing.assert_array_equal(there.actions(seen, True), here.actions(seen, True))
 
 
 @pytest.mark.parametrize("form", [DRONE, VECTOR])

@@ -14,6 +14,10 @@ from deploy.cli import main as cli
 
 ROOT = Path(__file__).parents[3]
 FILE = ROOT / "deploy" / "library" / "swarms" / "gridworld-a.toml"
+CARTPOLE = FILE.with_name("cartpole.toml")
+TORCHES = {  # modules of ours that import torch
+    f"agent.learning.{name}" for name in ("neural", "networks", "flat", "pilot")
+} | {"deploy.policies.export"}
 Run = Callable[..., tuple[int, str, str]]
 
 
@@ -78,6 +82,9 @@ def test_topology_prints_w_and_its_spectrum(swarm: Run) -> None:
         (["fly", "--pilot", "ace"], 2, "ace"),
         (["fly", "--scene", "missing.glb"], 2, "missing.glb"),
         (["worlds", "--scene", "nowhere"], 2, "nowhere"),
+        (["up", FILE, "--device", "cuda"], 2, '--device cuda: policy.kind = "tabular" needs none'),
+        (["up", FILE, "--device", "tpu"], 2, '--device "tpu": expected cpu or cuda'),
+        (["agent", FILE, "--id", "drone0", "--device", "cuda"], 2, "needs none"),
         (["export", "run", "--to", "/nodir/x.onnx"], 2, 'there is no folder "/nodir"'),
         (["export", "run", "--to", "x.onnx", "--format", "safetensors"], 2, "a name in"),
         (["export", "run", "--to", "x.pt"], 2, "ends in .safetensors or .onnx"),
@@ -103,3 +110,30 @@ def test_an_agent_needs_neither_torch_nor_rerun() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60, check=False)
     assert done.returncode == 0
+
+
+@pytest.mark.parametrize("arguments", [("up", CARTPOLE), ("export", "p.safetensors")], ids=str)
+def test_without_torch_one_line_says_what_to_install(
+    arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, swarm: Run
+) -> None:
+    for name in [n for n in sys.modules if n.split(".")[0] == "torch" or n in TORCHES]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    code, out, err = swarm(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith('swarm: this needs torch, which is not installed: pip install "torch>=')
+    assert len(err.splitlines()) == 1
+
+
+def test_standard_output_is_the_answer_and_nothing_else(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RUST_LOG", "debug")  # as ROS 2 users have it
+    settings = ["--set", "name=nobody-here", "--set", "network.base_port=1"]
+    arguments = ["status", str(FILE), "--json", "--timeout", "0.1", *settings]
+    monkeypatch.setattr(sys, "argv", ["swarm", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 3
+    assert json.loads(capfd.readouterr().out)["health"] == "nobody"

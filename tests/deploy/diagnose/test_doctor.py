@@ -150,6 +150,12 @@ def test_somebody_else_at_an_endpoint(tokens: tuple[tuple[str, str], ...], words
     assert words in f"{check.found} {check.advice}"
 
 
+def test_a_clock_that_is_not_set_is_said() -> None:
+    facts = replace(healthy("drone0", secure=True), certificate="not valid yet", early=True)
+    check = only(facts, "certificate")
+    assert (check.ok, check.advice.split(" (")[0]) == (False, "set the clock")
+
+
 def test_without_a_certificate_endpoints_and_members_are_left_open() -> None:
     facts = replace(empty(healthy(secure=True)), certificate="it is gone")
     answers = {m: Answer(a.endpoint, "untried") for m, a in facts.answers.items()}
