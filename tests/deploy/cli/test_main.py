@@ -85,11 +85,11 @@ def test_topology_prints_w_and_its_spectrum(swarm: Run) -> None:
         (["up", FILE, "--device", "cuda"], 2, '--device cuda: policy.kind = "tabular" needs none'),
         (["up", FILE, "--device", "tpu"], 2, '--device "tpu": expected cpu or cuda'),
         (["agent", FILE, "--id", "drone0", "--device", "cuda"], 2, "needs none"),
-        (["export", "run", "--to", "/nodir/x.onnx"], 2, 'there is no folder "/nodir"'),
-        (["export", "run", "--to", "x.onnx", "--format", "safetensors"], 2, "a name in"),
-        (["export", "run", "--to", "x.pt"], 2, "ends in .safetensors or .onnx"),
-        (["export", "run", "--format", "pt"], 2, "expected safetensors or onnx"),
-        (["export", "run", "--to", "p.onnx"], 2, '"run" is not a run folder'),
+        (["export", ".", "--to", "/nodir/x.onnx"], 2, 'there is no folder "/nodir"'),
+        (["export", ".", "--to", "x.onnx", "--format", "safetensors"], 2, "a name in"),
+        (["export", ".", "--to", "x.pt"], 2, "ends in .safetensors or .onnx"),
+        (["export", ".", "--format", "pt"], 2, "expected safetensors or onnx"),
+        (["export", ".", "--to", "p.onnx"], 2, '"." is not a run folder'),
     ],
 )
 def test_a_mistake_is_one_line_and_an_exit_code(
@@ -112,7 +112,7 @@ def test_an_agent_needs_neither_torch_nor_rerun() -> None:
     assert done.returncode == 0
 
 
-@pytest.mark.parametrize("arguments", [("up", CARTPOLE), ("export", "p.safetensors")], ids=str)
+@pytest.mark.parametrize("arguments", [("up", CARTPOLE), ("export", ".")], ids=str)
 def test_without_torch_one_line_says_what_to_install(
     arguments: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, swarm: Run
 ) -> None:
@@ -121,7 +121,8 @@ def test_without_torch_one_line_says_what_to_install(
     monkeypatch.setitem(sys.modules, "torch", None)
     code, out, err = swarm(*arguments)
     assert (code, out) == (2, "")
-    assert err.startswith('swarm: this needs torch, which is not installed: pip install "torch>=')
+    assert err.startswith("swarm: this needs torch, which is not installed: ")
+    assert 'pip install "torch>=' in err
     assert len(err.splitlines()) == 1
 
 
