@@ -4,6 +4,7 @@
 
     SwarmError
     ├── CheckpointError    a checkpoint is missing, torn, or of another run
+    ├── DivergenceError    parameters, gradient or return have left all sense
     ├── TaskError          a task's world is unknown, refuses its arguments, or does not fit
     └── VehicleError       a drone is not there, refuses, or its flight was broken off
 """
@@ -15,6 +16,12 @@ class CheckpointError(SwarmError):
     """A checkpoint cannot be used; the message names the file."""
 
     exit_code = 4
+
+
+class DivergenceError(SwarmError):
+    """Learning has diverged; the message names the round and the cause."""
+
+    exit_code = 6
 
 
 class TaskError(ConfigError):

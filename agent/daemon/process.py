@@ -10,12 +10,10 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import BinaryIO
 
 import msgspec
 import numpy as np
@@ -30,11 +28,15 @@ from agent.daemon.metrics import serve_metrics
 from agent.daemon.notify import Systemd
 from agent.daemon.rounds import Outcome, Rounds
 from agent.daemon.spotter import Spotter
+from agent.learning.divergence import bound_of, check
 from agent.learning.learner import Attendance, Learner
 from agent.learning.learners import build_learner
 from agent.storage import checkpoint
+from agent.storage.appender import RETRY, Appender
 from agent.storage.checkpoint import Checkpoint
+from agent.storage.metrics import open_metrics
 from agent.storage.runfolder import RunFolder
+from agent.storage.shelf import Shelf
 from swarm.errors import ConfigError
 from swarm.exchange import Exchange
 from swarm.mixing.consensus import sketch
@@ -72,6 +74,7 @@ def run_agent(
     agent: str,
     folder: RunFolder,
     stop: threading.Event,
+    announced: Callable[[], None] = lambda: None,
     resume: bool = False,
     begin: int | None = None,
     metrics_at: str | None = None,
@@ -83,6 +86,7 @@ def run_agent(
         agent: its id.
         folder: where it keeps what it makes.
         stop: set it, and the agent ends within a second with a checkpoint.
+        announced: called before others see the agent; until then it may be ended as it is.
         resume: go on from its newest checkpoint.
         begin: with ``resume``, go on from the checkpoint of this round instead.
         metrics_at: ``HOST:PORT`` for :mod:`agent.daemon.metrics`.
@@ -120,7 +124,8 @@ def run_agent(
             )
         )  # fmt: skip
         telemetry = resources.enter_context(TelemetryPublisher(session, keys, agent))
-        metrics = resources.enter_context(_open_metrics(folder.metrics(agent), first.round))
+        metrics = resources.enter_context(open_metrics(folder.metrics(agent), first.round))
+        shelf = Shelf(folder.checkpoints(agent))
         rounds = Rounds(config, agent, learner, mixer, exchange, stop)
         spotter = Spotter(agent, telemetry, lambda: life.at.round)
         learner.attendance = Attendance(stop.is_set, spotter.see)
@@ -137,6 +142,7 @@ def run_agent(
         if metrics_at is not None:
             ask = partial(answers.health, life, rounds)
             resources.enter_context(serve_metrics(metrics_at, config.name, ask))
+        announced()
         roster.announce(agent, machine.life)
         systemd.ready()
         log.info("round %d: announced as %s on %s", life.at.round, machine.life, listen)
@@ -147,22 +153,22 @@ def run_agent(
             log.warning("round %d: going on without %s", life.at.round, ", ".join(absent))
         life.state = "learning"
         while config.progress(life.at) < config.rounds and not stop.is_set():
-            _play(config, rounds, life, folder, telemetry, metrics)
+            _play(config, rounds, life, shelf, telemetry, metrics)
             systemd.alive(f"round {life.at.round} of {config.rounds}")
         systemd.stopping()
         if stop.is_set():
-            for unwritten in (*life.unwritten, life.at):
-                checkpoint.write(folder.checkpoints(agent), unwritten)
-            log.info("round %d: told to stop, checkpoint written", life.at.round)
+            if shelf.put_all((*life.unwritten, life.at)):
+                log.info("round %d: told to stop, checkpoint written", life.at.round)
         else:
             life.state = "finished"
             if life.report is not None:
                 telemetry.put(life.report, always=True)
             if config.pace == "async":
                 _follow_neighbours(rounds, life)
-                checkpoint.write(folder.checkpoints(agent), life.at)
             else:
                 _see_neighbours_finish(rounds, life)
+            while not shelf.put(life.at, durable=True) and not stop.wait(RETRY):
+                pass  # all is learned: wait for room to keep it
             log.info("round %d: finished", life.at.round)
     return life.at.round
 
@@ -171,15 +177,20 @@ def _play(
     config: SwarmFile,
     rounds: Rounds,
     life: Life,
-    folder: RunFolder,
+    shelf: Shelf,
     telemetry: TelemetryPublisher,
-    metrics: BinaryIO,
+    metrics: Appender,
 ) -> None:
-    """Play one round; keep and tell what it gave."""
+    """Play one round; keep and tell what it gave.
+
+    Raises:
+        DivergenceError: it gave nothing to go on from.
+    """
     at, start = life.at, time.monotonic()
     outcome = rounds.play(at.round, at.theta, at.learned)
     if outcome is None:
         return
+    _check(rounds, at.round, outcome)
     if outcome.next_round > at.round + 1:
         log.warning("round %d: behind, jumping to round %d", at.round, outcome.next_round)
     life.at = Checkpoint(
@@ -196,7 +207,10 @@ def _play(
     )
     last = config.progress(life.at) >= config.rounds
     if last or life.at.round % config.checkpoint_every == 0:
-        checkpoint.write(folder.checkpoints(rounds.agent), life.at)
+        written = shelf.put(life.at, durable=last)
+    else:
+        written = False
+    if written:
         life.unwritten.clear()
     else:
         life.unwritten.append(life.at)
@@ -208,6 +222,14 @@ def _play(
     telemetry.put(report)
     kept = report if sparse else msgspec.structs.replace(report, sketch=(), route=())
     metrics.write(msgspec.json.encode(kept) + b"\n")
+
+
+def _check(rounds: Rounds, round_: int, outcome: Outcome) -> None:
+    """Raises DivergenceError where a round gave nothing to go on from."""
+    step = outcome.step
+    bound = bound_of(rounds.config.policy, rounds.learner.parts)
+    numbers = {"gradient's norm": step.gradient_norm, "mean return": step.value}
+    check(round_, bound, outcome.theta, numbers, rounds.agent)
 
 
 def _report(
@@ -249,19 +271,21 @@ def _first_checkpoint(
         ConfigError: there are checkpoints, and nobody said what to do with them.
         CheckpointError: the one asked for does not fit.
     """
-    held = checkpoint.rounds_in(folder.checkpoints(agent))
+    kept = folder.checkpoints(agent)
+    held = checkpoint.rounds_in(kept)
     if not resume and held:
         raise ConfigError(
             f'run folder "{folder.path}" has checkpoints of "{agent}" (newest: round {held[-1]}): '
             "expected --resume to go on, or --run with another folder"
         )
-    if resume and (held or begin is not None):
-        round_ = held[-1] if begin is None else begin
-        path = checkpoint.path_of(folder.checkpoints(agent), round_)
-        first = checkpoint.read(path, layout.shape)
-        checkpoint.drop_after(folder.checkpoints(agent), round_)
-        return first
-    return Checkpoint(0, layout.shape, learner.initial())
+    round_ = begin or 0
+    if resume and begin is None and (newest := checkpoint.newest(kept)) is not None:
+        round_ = newest.round
+    first = Checkpoint(0, layout.shape, learner.initial())
+    if round_:
+        first = checkpoint.read(checkpoint.path_of(kept, round_), layout.shape)
+    checkpoint.drop_after(kept, round_)
+    return first
 
 
 def _machine_of(
@@ -340,26 +364,10 @@ def _follow_neighbours(rounds: Rounds, life: Life) -> None:
     """Go on mixing until the neighbours have learned all, or learn no more, and a little longer."""
     learning, since, left = rounds.still_learning(), time.monotonic(), SETTLING
     while left and (outcome := rounds.play(life.at.round, life.at.theta, life.at.learned)):
+        _check(rounds, life.at.round, outcome)
         life.at = replace(life.at, round=outcome.next_round, theta=outcome.theta)
         before, learning = learning, rounds.still_learning()
         if learning != before:
             since = time.monotonic()
         if not learning or time.monotonic() > since + rounds.config.timing.round:
             left -= 1
-
-
-def _open_metrics(path: Path, begin: int) -> BinaryIO:
-    """The metrics file, open for appending, without rounds that will be played again."""
-    if path.exists():
-        decoder = msgspec.json.Decoder(RoundReport)
-        kept = []
-        for line in path.read_bytes().splitlines(keepends=True):
-            try:
-                if decoder.decode(line).round < begin:
-                    kept.append(line)
-            except msgspec.MsgspecError:
-                continue
-        draft = path.with_suffix(".draft")
-        draft.write_bytes(b"".join(kept))
-        draft.replace(path)
-    return path.open("ab", buffering=0)

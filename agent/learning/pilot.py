@@ -27,6 +27,7 @@ from agent.learning.networks import available, build
 from agent.learning.neural import make_world
 from agent.learning.policies import Neural, Tabular
 from agent.learning.rollout import Choice, Observations
+from agent.storage.files import write_file
 from agent.storage.runfolder import open_run
 from swarm.errors import ConfigError
 
@@ -134,9 +135,8 @@ class Pilot:
             size = int(np.prod(shape))
             tensors[name] = self.theta[at : at + size].reshape(shape)
             at += size
-        draft = path.with_suffix(".draft")
-        draft.write_bytes(save(tensors, {**notes, "form": msgspec.json.encode(self.form).decode()}))
-        draft.replace(path)
+        header = {**notes, "form": msgspec.json.encode(self.form).decode()}
+        write_file(path, save(tensors, header))
 
 
 def _read(path: Path) -> tuple[Form, Vector]:

@@ -1,13 +1,15 @@
 """An agent's whole state at the beginning of a round, on disk as safetensors.
 
 A checkpoint is written beside its final name and moved there in one step, so a reader finds a
-whole one or none.  The newest :data:`KEPT` stay, of large ones :data:`KEPT_LARGE`: agents of a ring
-stop at slightly different rounds, and a swarm resumes at the newest round that all of them have.
+whole one or none.  After a power cut it may be torn nevertheless: it holds a checksum, and
+:func:`newest` passes over what does not read.  Which are kept, :mod:`agent.storage.shelf` decides.
 """
 
+import logging
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
+from zlib import crc32
 
 import msgspec
 import numpy as np
@@ -16,9 +18,13 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
 from agent.errors import CheckpointError
+from agent.storage.files import write_file
 from swarm.protocol.accounts import Account
 
+log = logging.getLogger(__name__)
 Vector = NDArray[np.floating]
+# Agents of a ring stop at slightly different rounds, and a swarm resumes at the newest round that
+# all of them have.
 KEPT = 16  # of a few kilobytes each
 KEPT_LARGE = 4
 LARGE = 2**20  # bytes
@@ -63,8 +69,12 @@ def rounds_in(folder: Path) -> list[int]:
     return sorted(int(f.stem) for f in folder.glob("*.safetensors") if f.stem.isdigit())
 
 
-def write(folder: Path, checkpoint: Checkpoint) -> Path:
-    """Write atomically and remove what is older than the newest :data:`KEPT`, or KEPT_LARGE."""
+def write(folder: Path, checkpoint: Checkpoint, *, durable: bool = True) -> Path:
+    """Write it; ``durable`` as in :mod:`agent.storage.files`.
+
+    Raises:
+        OSError: the disk refuses.
+    """
     tensors = {"theta": checkpoint.theta}
     tensors |= {f"mixing.{name}": v for name, v in checkpoint.mixing.items()}
     tensors |= {f"optimizer.{name}": v for name, v in checkpoint.optimizer.items()}
@@ -76,13 +86,10 @@ def write(folder: Path, checkpoint: Checkpoint) -> Path:
         "learned": repr(checkpoint.learned),
         "run": msgspec.json.encode(checkpoint.run).decode(),
         "accounts": msgspec.json.encode(checkpoint.accounts).decode(),
+        "checksum": str(_checksum(tensors)),
     }
     final = path_of(folder, checkpoint.round)
-    draft = final.with_suffix(".draft")
-    size = draft.write_bytes(save(tensors, notes))
-    draft.replace(final)
-    for old in rounds_in(folder)[: -(KEPT_LARGE if size > LARGE else KEPT)]:
-        path_of(folder, old).unlink(missing_ok=True)
+    write_file(final, save(tensors, notes), durable=durable)
     return final
 
 
@@ -91,6 +98,16 @@ def drop_after(folder: Path, round_: int) -> None:
     for later in rounds_in(folder):
         if later > round_:
             path_of(folder, later).unlink(missing_ok=True)
+
+
+def newest(folder: Path) -> Checkpoint | None:
+    """The newest checkpoint that reads, with a line for each that does not; None without any."""
+    for round_ in reversed(rounds_in(folder)):
+        try:
+            return read(path_of(folder, round_))
+        except CheckpointError as error:
+            log.warning("%s; passing over it", error)
+    return None
 
 
 def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
@@ -107,6 +124,8 @@ def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
         with safe_open(os.fspath(path), framework="numpy") as file:
             notes = file.metadata() or {}
             tensors: dict[str, Vector] = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+        if int(notes["checksum"]) != _checksum(tensors):
+            raise ValueError("its checksum differs")
         checkpoint = Checkpoint(
             round=int(notes["round"]),
             fingerprint=notes["fingerprint"],
@@ -129,6 +148,14 @@ def read(path: Path, fingerprint: str | None = None) -> Checkpoint:
             "was the swarm file's policy, mixing or name changed?"
         )
     return checkpoint
+
+
+def _checksum(tensors: dict[str, Vector]) -> int:
+    """CRC-32 of all tensors, in the order of their names."""
+    total = 0
+    for name in sorted(tensors):
+        total = crc32(np.ascontiguousarray(tensors[name]).tobytes(), total)
+    return total
 
 
 def _under(prefix: str, tensors: dict[str, Vector]) -> dict[str, Vector]:

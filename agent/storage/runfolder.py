@@ -14,11 +14,14 @@
         logs/drone0.log
 """
 
+import logging
+import os
 import platform
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -26,9 +29,11 @@ from agent.config.experiment import SwarmFile
 from agent.errors import CheckpointError
 from agent.storage import checkpoint
 from agent.storage.checkpoint import Checkpoint
+from agent.storage.files import write_file
 from swarm.errors import ConfigError
 from swarm.reports.telemetry import RoundReport
 
+log = logging.getLogger(__name__)
 PACKAGES = ("dcpg-swarm", "eclipse-zenoh", "numpy", "torch", "gymnasium", "msgspec", "safetensors")
 
 
@@ -85,54 +90,70 @@ class RunFolder:
             for file in (self.metrics(agent), self.log(agent), self.checkpoints(agent) / "x"):
                 file.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigError(f'run folder "{self.path}" cannot be made: {error}') from None
+            raise ConfigError(
+                f'run folder "{self.path}" cannot be made: {error.strerror}'
+            ) from None
 
     def write_config(self, config: SwarmFile) -> None:
-        """Keep the resolved configuration and the versions it ran with."""
-        self.path.mkdir(parents=True, exist_ok=True)
-        text = msgspec.json.format(msgspec.json.encode(config), indent=2)
-        self.config.write_bytes(text)
+        """Keep the resolved configuration and the versions it ran with.
+
+        Raises:
+            ConfigError: they cannot be written.
+        """
         versions = {"python": platform.python_version()}
         for package in PACKAGES:
             try:
                 versions[package] = version(package)
             except PackageNotFoundError:
                 continue
-        text = msgspec.json.format(msgspec.json.encode(versions), indent=2)
-        (self.path / "versions.json").write_bytes(text)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_file(self.path / "versions.json", _pretty(versions))
+            write_file(self.config, _pretty(config))
+        except OSError as error:
+            raise ConfigError(
+                f'run folder "{self.path}" cannot be written: {error.strerror}'
+            ) from None
 
     def newest(self, agent: str) -> Checkpoint:
-        """An agent's newest checkpoint.
+        """An agent's newest checkpoint that reads.
 
         Raises:
-            CheckpointError: it left none, or one that does not read.
+            CheckpointError: it left none.
         """
-        held = checkpoint.rounds_in(self.checkpoints(agent))
-        if not held:
+        found = checkpoint.newest(self.checkpoints(agent))
+        if found is None:
             raise CheckpointError(f"{agent} left no checkpoint; see {self.log(agent)}")
-        return checkpoint.read(checkpoint.path_of(self.checkpoints(agent), held[-1]))
+        return found
 
-    def common_round(self, agents: tuple[str, ...]) -> int:
-        """Newest round that every agent has a checkpoint of.
+    def common_round(self, agents: tuple[str, ...], every: int = 1) -> int | None:
+        """Newest round that every agent has a checkpoint of that reads; None without any.
 
-        Raises:
-            CheckpointError: there is none.
+        Round 0 needs no file: whoever has all of its checkpoints, or none, can begin there.
+
+        Args:
+            agents: which.
+            every: rounds between checkpoints.
         """
         held = [set(checkpoint.rounds_in(self.checkpoints(agent))) for agent in agents]
-        common = set.intersection(*held)
-        if not common:
-            newest = ", ".join(
-                f"{agent} {max(rounds, default='none')}"
-                for agent, rounds in zip(agents, held, strict=True)
-            )
-            raise CheckpointError(
-                f'run "{self.path}" has no round that all agents have a checkpoint of '
-                f"(newest: {newest})"
-            )
-        return max(common)
+        held = [rounds | {0} if min(rounds, default=0) <= every else rounds for rounds in held]
+        for round_ in sorted(set.intersection(*held), reverse=True):
+            if all(self._reads(agent, round_) for agent in agents):
+                return round_
+        return None
+
+    def _reads(self, agent: str, round_: int) -> bool:
+        if round_ == 0:
+            return True
+        try:
+            checkpoint.read(checkpoint.path_of(self.checkpoints(agent), round_))
+        except CheckpointError as error:
+            log.warning("%s; passing over round %d", error, round_)
+            return False
+        return True
 
     def reports(self, agent: str) -> Iterator[RoundReport]:
-        """Reports of an agent in order; a torn last line is left out, of a round twice the last."""
+        """Reports of an agent in order: of each round the last that reads."""
         decoder = msgspec.json.Decoder(RoundReport)
         by_round: dict[int, RoundReport] = {}
         if self.metrics(agent).exists():
@@ -146,6 +167,10 @@ class RunFolder:
             yield by_round[round_]
 
 
+def _pretty(value: Any) -> bytes:
+    return msgspec.json.format(msgspec.json.encode(value), indent=2)
+
+
 def open_run(path: Path) -> RunFolder:
     """A run folder that exists.
 
@@ -153,6 +178,6 @@ def open_run(path: Path) -> RunFolder:
         ConfigError: the path is not one.
     """
     folder = RunFolder(path)
-    if not folder.config.is_file():
+    if not os.path.isfile(folder.config):  # noqa: PTH113  (Path's raises where it may not look)
         raise ConfigError(f'"{path}" is not a run folder: expected a folder with config.json')
     return folder

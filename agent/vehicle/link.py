@@ -6,7 +6,7 @@ Interface: :class:`Link`.  Not for several threads; ``vehicle`` has one that own
 import struct
 import time
 from collections.abc import Iterator
-from typing import Any, BinaryIO
+from typing import Any, Protocol
 
 from agent.vehicle.connection import open_connection
 from agent.vehicle.dialects import mavlink
@@ -16,6 +16,14 @@ AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 SIGNING_EPOCH = 1_420_070_400  # s, 2015-01-01
 
 Message = Any
+
+
+class Tape(Protocol):
+    """Takes bytes, and holds nobody up."""
+
+    def write(self, record: bytes, /) -> object:
+        """Keep them."""
+        ...
 
 
 class Link:
@@ -33,7 +41,7 @@ class Link:
     """
 
     def __init__(
-        self, text: str, timeout: float, system: int, key: bytes | None, record: BinaryIO | None
+        self, text: str, timeout: float, system: int, key: bytes | None, record: Tape | None
     ) -> None:
         self.system = system
         self._record = record

@@ -8,7 +8,7 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from typing import BinaryIO, Self
+from typing import Self
 
 from agent.errors import VehicleError
 from agent.vehicle.conversation import Conversation
@@ -22,7 +22,7 @@ from agent.vehicle.helm import (
     Helm,
     SetPoint,
 )
-from agent.vehicle.link import AUTOPILOT, Link, Message
+from agent.vehicle.link import AUTOPILOT, Link, Message, Tape
 from agent.vehicle.safety import Limits, Timing
 from agent.vehicle.state import VehicleState
 
@@ -57,7 +57,7 @@ class Vehicle:
         *,
         system: int = 0,
         key: bytes | None = None,
-        record: BinaryIO | None = None,
+        record: Tape | None = None,
     ) -> None:
         self.timing, self.limits = timing or Timing(), limits or Limits()
         self.text, self.system = connection, system

@@ -14,6 +14,8 @@ at once, and an agent burns nine times the CPU (measured; off here).  ``time.sle
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from agent.storage.files import write_file
+
 LIBRARIES = (
     "/usr/lib/*/faketime/libfaketimeMT.so.1",
     "/usr/lib*/faketime/libfaketimeMT.so.1",
@@ -66,9 +68,7 @@ class Clocks:
         """Set an agent's clock forward, or back, ``by`` seconds."""
         self.wrong[agent] = self.wrong.get(agent, 0.0) + by
         self.folder.mkdir(parents=True, exist_ok=True)
-        draft = self._file(agent).with_suffix(".draft")
-        draft.write_text(f"{self.wrong[agent]:+.3f}\n", encoding="ascii")
-        draft.replace(self._file(agent))
+        write_file(self._file(agent), f"{self.wrong[agent]:+.3f}\n".encode(), durable=False)
 
     def _file(self, agent: str) -> Path:
         return self.folder / agent

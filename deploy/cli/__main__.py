@@ -1,5 +1,18 @@
-"""``python -m deploy.cli``: the command ``swarm`` without its script."""
+"""The program ``swarm``, also ``python -m deploy.cli``.
 
-from deploy.cli.main import main
+Signals come first: the imports behind the command line take a second or two.
+"""
 
-main()
+from deploy.process.signals import end_at_signals
+
+
+def main() -> None:
+    """Entry point."""
+    end_at_signals()
+    from deploy.cli.main import main as run  # noqa: PLC0415
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -7,7 +7,6 @@ import typer
 
 from deploy.cli.mistakes import plain_errors
 from deploy.cli.options import AsJson, MaybePolicy, OneAgent, Scenes, Seed
-from deploy.process.signals import stop_on_signals
 from swarm.errors import ConfigError
 
 app = typer.Typer()
@@ -77,7 +76,7 @@ def vehicle(
             scene=scene,
             start=start,
         )
-    run_vehicle(options, stop_on_signals())
+    run_vehicle(options)
 
 
 @app.command()

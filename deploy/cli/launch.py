@@ -15,7 +15,7 @@ from agent.storage.runs import RUNS
 from deploy.cli.options import Chaos, Device, MaybeFile, Settings, on
 from deploy.process.logs import log_to
 from deploy.process.news import working
-from deploy.process.signals import stop_on_signals
+from deploy.process.signals import say_when_stopped, stop_on_signals
 from swarm.wire.keys import check_name
 
 app = typer.Typer()
@@ -39,12 +39,15 @@ def up(
     from deploy.chaos.faults import load_faults  # noqa: PLC0415
     from deploy.launch.preparation import prepare  # noqa: PLC0415
     from deploy.launch.preparation import resume as prepare_again  # noqa: PLC0415
-    from deploy.launch.up import launch  # noqa: PLC0415
+    from deploy.launch.up import launch, show_finished  # noqa: PLC0415
 
     if (file is None) == (resume is None):
         raise typer.BadParameter("expected either FILE or --resume RUN")
     settings = on(device, settings, file or (resume and resume / "config.json"))
+    say_when_stopped("stopped before anything had begun; the same command begins again")
     if resume is not None:
+        if show_finished(resume, settings):
+            return
         with prepare_again(resume, settings) as prepared:
             faults = load_faults(chaos, prepared.config) if chaos else ()
             raise typer.Exit(launch(prepared, record, faults))
@@ -101,7 +104,12 @@ def agent(
         config.index(id_)
     name = config.name if config is not None else check_name("--join", join or "")
     folder = RunFolder(run or RUNS / name)
-    stop = stop_on_signals()
+    stop, announced = threading.Event(), threading.Event()
+
+    def listen() -> None:
+        announced.set()
+        stop_on_signals(stop)
+
     folder.prepare(id_)
     log_to(folder.log(id_), id_, quiet=supervised, as_json=json_logs)
     if config is None:
@@ -109,12 +117,15 @@ def agent(
             config = fetch_config(name, id_, connect or (), settings)
         folder.write_config(config)
     if supervised:
-        threading.Thread(target=_stop_at_end_of_input, args=(stop,), daemon=True).start()
-    run_agent(config, id_, folder, stop, resume, begin, metrics)
+        watch = threading.Thread(target=_stop_at_end_of_input, args=(stop, announced), daemon=True)
+        watch.start()
+    run_agent(config, id_, folder, stop, listen, resume, begin, metrics)
 
 
-def _stop_at_end_of_input(stop: threading.Event) -> None:
-    """Set ``stop`` when whoever started us is gone."""
+def _stop_at_end_of_input(stop: threading.Event, announced: threading.Event) -> None:
+    """Stop when whoever started us is gone; at once where there is nothing to put away yet."""
     while os.read(0, 4096):  # not sys.stdin: its lock would be held at interpreter shutdown
         pass
     stop.set()
+    if not announced.is_set():
+        os._exit(1)

@@ -38,10 +38,6 @@ def overview(
 
 
 def main() -> None:
-    """Entry point of the ``swarm`` command."""
+    """Run the command that the arguments name; see :mod:`deploy.cli.__main__`."""
     with one_line():
         sys.exit(app(prog_name="swarm", standalone_mode=False))
-
-
-if __name__ == "__main__":
-    main()

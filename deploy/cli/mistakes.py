@@ -11,6 +11,7 @@ from contextlib import contextmanager
 import typer
 
 from deploy.process.packages import needs
+from deploy.process.signals import StoppedError
 from swarm.errors import ConfigError, SwarmError
 
 
@@ -19,6 +20,8 @@ def one_line() -> Iterator[None]:
     """Tell a mistake in one line and end the process with its exit code."""
     try:
         yield
+    except StoppedError:
+        _end("stopped", 130)
     except SwarmError as error:
         _end(str(error), error.exit_code)
     except typer.TyperException as error:  # an option or argument that there is not, or not so

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from deploy.cli.options import AsJson, OneAgent, Policy, Seed
+from deploy.process.signals import stopping_at_signals
 
 app = typer.Typer()
 
@@ -29,6 +30,7 @@ def eval_(
     """
     import msgspec  # noqa: PLC0415
 
+    from agent.storage.files import write_file  # noqa: PLC0415
     from agent.storage.runfolder import RunFolder  # noqa: PLC0415
     from deploy.policies.evaluate import evaluate, print_evaluation  # noqa: PLC0415
     from deploy.policies.header import header_of  # noqa: PLC0415
@@ -36,11 +38,11 @@ def eval_(
 
     if not json and source.suffix == ".safetensors" and (header := header_of(source)):
         print(*header.lines(), sep="\n", flush=True)
-    with working(f"evaluating {source}") as news:
+    with working(f"evaluating {source}") as news, stopping_at_signals():
         result = evaluate(source, agent, flights, seed, jobs, scenes or (), news.line, news.say)
     text = msgspec.json.format(msgspec.json.encode(result), indent=2)
     if source.is_dir():
-        RunFolder(source).evaluation.write_bytes(text)
+        write_file(RunFolder(source).evaluation, text)
     print(text.decode()) if json else print_evaluation(result)
 
 
@@ -72,6 +74,6 @@ def export(
     from deploy.process.news import working  # noqa: PLC0415
 
     chosen, path = destination(source, form, to)
-    with working(f"writing {path}"):
+    with working(f"writing {path}"), stopping_at_signals():
         export(source, agent, chosen, path, licence)
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB")

@@ -58,7 +58,7 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
     for k, name in enumerate(names, 1):
         study: Study = import_module(f"deploy.reproduce.{name}").study
         label = name if len(names) == 1 else f"{name}, study {k} of {len(names)}"
-        with working(label) as news:
+        with working(label) as news, stopping_at_signals():
             options = Options(out / name, seeds, quick, news.say)
             good &= publish(name, study, options, as_json, console)
     raise typer.Exit(0 if good else 1)

@@ -18,6 +18,8 @@ import msgspec
 import numpy as np
 
 from agent.errors import VehicleError
+from agent.storage.appender import Appender
+from agent.storage.files import write_file
 from agent.storage.runs import RUNS
 from agent.vehicle import Limits, Timing, Vehicle
 from agent.vehicle.body import HEIGHT, SPEED, VehicleBody
@@ -137,15 +139,15 @@ def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
         scene = load(plan.scene)
         home = home_of(scene, plan.start)
         plan.folder.mkdir(parents=True, exist_ok=True)
-        tape = (plan.folder / "flight.tlog").open("wb")
+        tape = Appender(plan.folder / "flight.tlog", warn=news.line)
     except (ValueError, OSError, ImportError) as error:
         raise ConfigError(str(error)) from None
     with ExitStack() as stack:
-        stack.enter_context(stopping_at_signals())
         stack.enter_context(tape)
-        film = _film(stack, plan.folder / "flight.rrd", scene, news.line)
         news.say("rehearsing on the ground")
         rehearse(plan.scene, decide)
+        stack.enter_context(stopping_at_signals(patient=True))
+        film = _film(stack, plan.folder / "flight.rrd", scene, news.line)
 
         def tell(text: str) -> None:
             news.line(text)
@@ -176,9 +178,8 @@ def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
             _land(drone, ended)
             tell("landed")
             summary = Summary(drone.name, plan.scene, distances, time.monotonic() - begun, ended)
-            (plan.folder / "flight.json").write_bytes(
-                msgspec.json.format(msgspec.json.encode(summary), indent=2)
-            )
+            text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
+            write_file(plan.folder / "flight.json", text)
         return summary
 
 

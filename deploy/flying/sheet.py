@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agent.storage.files import drafted
 from sim.indoor.content.scene import Scene, load
 from sim.indoor.content.scenes import NAMES
 from sim.indoor.render.camera import Camera, Renderer
@@ -92,7 +93,8 @@ def sheet(path: str | Path, scenes: Sequence[str] = NAMES, width: int | None = N
         whole = whole.resize(size, Image.Resampling.LANCZOS)
         palette = whole.quantize(256, method=Image.Quantize.FASTOCTREE)
         whole = whole.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
-    whole.save(target, optimize=True)
+    with drafted(target) as draft:
+        whole.save(draft, optimize=True)
     describe(worlds)
     Console().print(f"contact sheet: {target}")
     return target

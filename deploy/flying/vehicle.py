@@ -8,6 +8,7 @@ from pathlib import Path
 
 from deploy.flying.warmup import rehearse_vehicle
 from deploy.process.news import working
+from deploy.process.signals import stop_on_signals
 from sim.indoor.content.scene import check
 from sim.vehicle.quadrotor import Weather
 from sim.vehicle.rooms import Room
@@ -49,8 +50,8 @@ def read_wind(text: str) -> Weather:
     return Weather((north, east, 0.0), abs(gusts))
 
 
-def run_vehicle(options: Options, stop: threading.Event) -> None:
-    """Run the vehicle until it is told to stop.
+def run_vehicle(options: Options) -> None:
+    """Run the vehicle until a signal tells it to stop.
 
     Raises:
         ConfigError: there is no such scene or start.
@@ -67,7 +68,10 @@ def run_vehicle(options: Options, stop: threading.Event) -> None:
     except (ValueError, OSError, ImportError) as error:
         raise ConfigError(str(error)) from None
 
+    stop = threading.Event()
+
     def ready(port: int) -> None:
+        stop_on_signals(stop)
         kind = "TCP" if options.tcp else "UDP"
         where = f"listens on {kind} port {port}"
         if not options.tcp:

@@ -17,7 +17,6 @@ Keys are ECDSA on P-256, unencrypted PKCS #8, mode 0600.  RFC 5280 names the ext
 """
 
 import ipaddress
-import os
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -29,6 +28,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from agent.config.experiment import SwarmFile
+from agent.storage.files import write_file
 from swarm.errors import ConfigError
 from swarm.wire.endpoints import host_and_port
 from swarm.wire.keys import check_name
@@ -234,7 +234,4 @@ def _write(
         (folder / f"{name}.key", secret, 0o600),
         (folder / f"{name}.pem", public, 0o644),
     ):
-        draft = file.with_name(f".{file.name}.{os.getpid()}")
-        with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as out:
-            out.write(content)
-        draft.replace(file)
+        write_file(file, content, mode=mode)

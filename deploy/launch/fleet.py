@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass, field
 
 from agent.config.experiment import SwarmFile
+from agent.errors import CheckpointError, DivergenceError
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
 from deploy.chaos.clocks import Clocks
@@ -17,7 +18,7 @@ from deploy.launch.journal import Journal
 from deploy.process.processes import end_all, last_line
 from swarm.errors import ConfigError, NetworkError, SwarmError
 
-STOP_LIMIT = 2.0  # [s] from SIGTERM to SIGKILL
+STOP_LIMIT = 1.5  # [s] from SIGTERM to SIGKILL
 BACKOFF = (0.0, 0.5, 1.0, 2.0, 4.0)  # [s] before the first, second, ... restart of an agent
 FORGIVEN = 60.0  # [s] an agent that lived so long starts its back-off anew
 
@@ -45,7 +46,16 @@ class Worker:
 
 @dataclass(slots=True)
 class Fleet:
-    """The agents' processes; a context manager that leaves none behind."""
+    """The agents' processes.  Close it, and none is left.
+
+    Attributes:
+        folder, config: the run.
+        journal: told what happens.
+        clocks: what the agents' clocks show.
+        workers: by agent.
+        exits: agents that have ended, and their exit codes.
+        dismissed: when they were told to end [monotonic s].
+    """
 
     folder: RunFolder
     config: SwarmFile
@@ -53,14 +63,19 @@ class Fleet:
     clocks: Clocks
     workers: dict[str, Worker] = field(default_factory=dict)
     exits: "queue.SimpleQueue[tuple[str, int]]" = field(default_factory=queue.SimpleQueue)
+    dismissed: float | None = None
 
-    def start(self, agent: str, begin: int | None) -> Worker:
-        """Start an agent afresh (``begin`` 0), from a round, or (None) where it stopped."""
+    def start(self, agent: str, begin: int | None = None, *, fresh: bool = False) -> Worker:
+        """Start an agent from a round, or (None) where it stopped; ``fresh`` where it has not run.
+
+        Raises:
+            ConfigError: its folders cannot be made.
+        """
         command = [sys.executable, "-m", "deploy.cli", "agent", str(self.folder.config)]
         command += ["--id", agent, "--run", str(self.folder.path), "--supervised"]
-        if begin != 0:
+        if not fresh:
             command.append("--resume")
-        if begin:
+        if begin is not None:
             command += ["--begin", str(begin)]
         if namespace := self.config.agents[self.config.index(agent)].namespace:
             command = ["ip", "netns", "exec", namespace, *command]
@@ -85,6 +100,7 @@ class Fleet:
         """Deal with agents that have ended and with those whose time to come back is there.
 
         Raises:
+            DivergenceError: an agent's learning has diverged.
             SwarmError: an agent refused its configuration; its own line says why.
         """
         try:
@@ -98,7 +114,7 @@ class Fleet:
             if worker.restart_at is not None and now >= worker.restart_at:
                 text = f"{worker.agent} starts again from its newest checkpoint"
                 self.journal.say("restarted", text, worker.agent)
-                self.start(worker.agent, None)
+                self.start(worker.agent)
 
     def _on_exit(self, worker: Worker, code: int) -> None:
         held = checkpoint.rounds_in(self.folder.checkpoints(worker.agent))
@@ -109,7 +125,10 @@ class Fleet:
         if code == 0:
             what = f"was stopped at round {held[-1] if held else 0}"
         never_played = not self.folder.metrics(worker.agent).exists()
-        if code in {ConfigError.exit_code, 4} or (code == NetworkError.exit_code and never_played):
+        if code == DivergenceError.exit_code:
+            raise DivergenceError(last_line(self.folder.log(worker.agent)))
+        refused = {ConfigError.exit_code, CheckpointError.exit_code}
+        if code in refused or (code == NetworkError.exit_code and never_played):
             raise SwarmError(f"{worker.agent} {what}: {last_line(self.folder.log(worker.agent))}")
         now = time.monotonic()
         worker.failures = 1 if now - worker.started > FORGIVEN else worker.failures + 1
@@ -140,9 +159,17 @@ class Fleet:
         """Whether every agent has finished or is given up."""
         return all(worker.done for worker in self.workers.values())
 
+    def dismiss(self) -> None:
+        """Tell every process to end, by SIGTERM."""
+        for worker in self.workers.values():
+            if worker.process.poll() is None:
+                worker.process.terminate()
+        self.dismissed = time.monotonic()
+
     def close(self) -> None:
-        """End every process: SIGTERM, then SIGKILL after :data:`STOP_LIMIT`."""
-        end_all([worker.process for worker in self.workers.values()], STOP_LIMIT)
+        """End every process: SIGTERM, then SIGKILL :data:`STOP_LIMIT` after it was dismissed."""
+        waited = time.monotonic() - self.dismissed if self.dismissed is not None else 0.0
+        end_all([worker.process for worker in self.workers.values()], STOP_LIMIT - waited)
         for worker in self.workers.values():
             if worker.process.stdin is not None:
                 worker.process.stdin.close()

@@ -3,6 +3,7 @@
 Programs read an event's ``kind`` and ``agents``; its text is for people and may change.
 """
 
+import contextlib
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Literal
 
 import msgspec
 
+from agent.storage.appender import Appender
 from deploy.launch.progress import Progress
 
 Kind = Literal["fault", "ended", "restarted", "given-up"]
@@ -36,18 +38,20 @@ class Event(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class Journal:
     """Says lines, and keeps them."""
 
-    path: Path
+    kept: Appender
     progress: Progress
 
     def say(self, kind: Kind, text: str, *agents: str) -> None:
         """Tell the user, and write it down."""
         self.progress.say(text)
-        with self.path.open("ab") as file:
-            file.write(msgspec.json.encode(Event(time.time(), kind, text, agents)) + b"\n")
+        event = Event(time.time(), kind, text, agents)
+        self.kept.write(msgspec.json.encode(event) + b"\n")
 
 
 def events(path: Path) -> list[Event]:
-    """All lines of a journal, in order; none where there is no file."""
-    if not path.exists():
-        return []
-    return [msgspec.json.decode(line, type=Event) for line in path.read_bytes().splitlines()]
+    """All lines of a journal that read, in order; none where there is no file."""
+    found: list[Event] = []
+    for line in path.read_bytes().splitlines() if path.exists() else ():
+        with contextlib.suppress(msgspec.MsgspecError):  # the launcher was killed in the middle
+            found.append(msgspec.json.decode(line, type=Event))
+    return found

@@ -3,6 +3,8 @@
 Interface: :func:`prepare` for a new run, :func:`resume` for one that goes on.
 """
 
+import logging
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,13 +14,17 @@ import msgspec
 
 from agent.config.experiment import SwarmFile, load
 from agent.learning.learners import build_learner
+from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder, open_run
 from agent.storage.runs import check_own_folder, new_run, point_latest_to
 from deploy.flying.warmup import warm_up
 from deploy.process.news import working
 from deploy.process.ports import hold, hold_free
+from deploy.process.signals import stop_meanwhile
 from swarm.errors import ConfigError
 from swarm.wire.security import OBSERVER
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,12 +34,16 @@ class Prepared:
     Attributes:
         folder: its run folder.
         config: the resolved configuration, with the ports that are held for it.
-        begin: first round; 0 starts afresh, None where each agent stopped.
+        begin: first round; None where each agent stopped.
+        fresh: whether nothing has been played yet.
+        stop: set when the user wants the swarm to end.
     """
 
     folder: RunFolder
     config: SwarmFile
     begin: int | None
+    fresh: bool
+    stop: threading.Event
 
 
 @contextmanager
@@ -57,32 +67,60 @@ def prepare(config: SwarmFile, run: Path | None) -> Iterator[Prepared]:
             raise ConfigError(
                 f'run folder "{run}" is in use: expected a new one, or --resume {run}'
             )
-    with held_ports(config) as placed:
+    with stop_meanwhile() as stop, held_ports(config) as placed:
         folder = RunFolder(run or new_run(config.name))
         folder.write_config(placed)
         if run is None:
             point_latest_to(folder.path)
-        yield Prepared(folder, placed, 0)
+        yield Prepared(folder, placed, 0, True, stop)
 
 
 @contextmanager
 def resume(path: Path, settings: Iterable[str]) -> Iterator[Prepared]:
-    """A run folder to go on with, from the last round that all agents have.
-
-    Where rounds are not common (``pace = "async"``) there is none to begin with: every agent goes
-    on from its own.
+    """A run folder to go on with.
 
     Raises:
         ConfigError: not a run folder.
-        CheckpointError: no common round.
     """
-    folder = open_run(path)
-    config = load(folder.config, settings)
+    folder, config = open_again(path, settings)
     check_certificates(config)
-    begin = None if config.pace == "async" else folder.common_round(config.members)
-    with held_ports(config) as placed:
+    begin = where_to_begin(folder, config)
+    with stop_meanwhile() as stop, held_ports(config) as placed:
         folder.write_config(placed)
-        yield Prepared(folder, placed, begin)
+        yield Prepared(folder, placed, begin, False, stop)
+
+
+def open_again(path: Path, settings: Iterable[str]) -> tuple[RunFolder, SwarmFile]:
+    """A run folder and its configuration.
+
+    Raises:
+        ConfigError: not a run folder.
+    """
+    folder = open_run(path.resolve() if path.is_symlink() else path)
+    return folder, load(folder.config, settings)
+
+
+def where_to_begin(folder: RunFolder, config: SwarmFile) -> int | None:
+    """The last round that all agents have; None: each goes on from its own.
+
+    So it is where rounds are not common (``pace = "async"``), and where a fault has left none that
+    all have: who is behind takes over a neighbour's state.
+    """
+    if config.pace == "async":
+        return None
+    begin = folder.common_round(config.members, config.checkpoint_every)
+    if begin is None:
+        log.warning(
+            'run "%s" has no round that all agents have a checkpoint of; each goes on from its own',
+            folder.path,
+        )
+    return begin
+
+
+def is_finished(folder: RunFolder, config: SwarmFile) -> bool:
+    """Whether every agent has played all rounds."""
+    kept = [checkpoint.newest(folder.checkpoints(agent)) for agent in config.members]
+    return all(at is not None and config.progress(at) >= config.rounds for at in kept)
 
 
 def check_tasks(config: SwarmFile) -> None:

@@ -25,7 +25,7 @@ from deploy.observe import crowd
 from deploy.observe.health import Health, SwarmStatus, ended, judge
 from deploy.observe.picture import picture
 from deploy.policies.result import print_result, read_result
-from deploy.process.signals import stop_meanwhile
+from deploy.process.signals import StoppedError, stopping_at_signals
 from swarm.errors import ConfigError
 from swarm.reports.telemetry import AgentStatus, ask_status
 from swarm.wire.keys import Keys
@@ -106,20 +106,21 @@ def show_status(target: Target, as_json: bool, timeout: float) -> int:
 def watch_status(target: Target, timeout: float) -> int:
     """Show the state of a swarm, again and again, until Ctrl-C; the exit code is the last one's."""
     config, console = target.config, Console(highlight=False)
-    with (
-        stop_meanwhile() as stop,
-        observe(config) as session,
-        Live(console=console, auto_refresh=False) as live,
-    ):
-        while True:
-            status = _over(target) or look(session, config, timeout)
-            if status.result is not None and target.folder is not None:
-                live.stop()
-                print_result(status.result, console, target.folder)
-                return code_of(status)
-            live.update(picture(config, status, console.height), refresh=True)
-            if stop.wait(REFRESH):
-                return code_of(status)
+    code = CODES["nobody"]
+    with observe(config) as session, Live(console=console, auto_refresh=False) as live:
+        try:
+            with stopping_at_signals():
+                while True:
+                    status = _over(target) or look(session, config, timeout)
+                    code = code_of(status)
+                    if status.result is not None and target.folder is not None:
+                        live.stop()
+                        print_result(status.result, console, target.folder)
+                        return code
+                    live.update(picture(config, status, console.height), refresh=True)
+                    time.sleep(REFRESH)
+        except StoppedError:
+            return code
 
 
 def code_of(status: SwarmStatus) -> int:

@@ -4,9 +4,8 @@ The worlds are the six indoor scenes where the run's tasks are flights, else the
 Measured is the safe flight [m] where a world tells it, else the sum of rewards.
 """
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, wait
+from concurrent.futures import wait
 from multiprocessing import get_context
 from multiprocessing.sharedctypes import SynchronizedArray
 from pathlib import Path
@@ -25,6 +24,7 @@ from agent.storage.runfolder import open_run
 from deploy.flying.warmup import FLIGHT, warm_up
 from deploy.policies.evaluation import MODES, Cell, Evaluation, Mode
 from deploy.policies.flights import Flown, fly_quota
+from deploy.process.pool import pool
 from sim.indoor.content.scenes import NAMES, TRAINED
 from swarm.errors import ConfigError
 
@@ -84,10 +84,9 @@ def evaluate(
     distances = True
     context = get_context("spawn")
     shares = context.Array("d", len(wanted))
-    workers = jobs or os.cpu_count() or 1
-    with ProcessPoolExecutor(workers, context, _share_with_parent, (shares,)) as pool:
+    with pool(jobs, _share_with_parent, shares) as workers:
         begun = [
-            pool.submit(_cell, k, source, agent, chosen[name], mode, flights, seed)
+            workers.submit(_cell, k, source, agent, chosen[name], mode, flights, seed)
             for k, (name, mode) in enumerate(wanted)
         ]
         for (name, mode), future in zip(wanted, begun, strict=True):

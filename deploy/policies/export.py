@@ -17,6 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from agent.learning.pilot import Pilot
+from agent.storage.files import drafted
 from deploy.policies.header import notes
 from deploy.policies.provenance import describe
 from swarm.errors import ConfigError
@@ -114,6 +115,5 @@ def write_onnx(pilot: Pilot, path: Path, about: Mapping[str, str] = MappingProxy
         )
     assert program is not None
     program.model.metadata_props.update(about)
-    draft = path.with_suffix(".draft")
-    program.save(draft, external_data=False)
-    draft.replace(path)
+    with drafted(path) as draft:
+        program.save(draft, external_data=False)

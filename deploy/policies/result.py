@@ -16,6 +16,7 @@ from rich.markup import escape
 
 from agent.config.experiment import SwarmFile
 from agent.learning.policies import Tabular
+from agent.storage.files import write_file
 from agent.storage.runfolder import RunFolder
 from deploy.policies.summary import NetworkScores, network_scores, print_network
 from deploy.policies.tables import TabularScores, print_tables, tabular_scores
@@ -63,9 +64,7 @@ def score(folder: RunFolder, config: SwarmFile) -> TabularScores | NetworkScores
 
 def write_result(folder: RunFolder, result: Result) -> None:
     """Keep a result in its run folder; whoever reads meanwhile finds the old one or the new one."""
-    draft = folder.result.with_suffix(".draft")
-    draft.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
-    draft.replace(folder.result)
+    write_file(folder.result, msgspec.json.format(msgspec.json.encode(result), indent=2))
 
 
 def read_result(folder: RunFolder) -> Result | None:

@@ -20,6 +20,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from agent.storage.files import write_file
+
 
 class Claim(msgspec.Struct, frozen=True):
     """One line of a study's table.
@@ -124,8 +126,8 @@ def publish(name: str, study: Study, options: Options, as_json: bool, console: C
     record |= {"notes": findings.notes, "figures": [file.name for file in findings.figures]}
     encoded = msgspec.json.encode(record | {"data": findings.data}, enc_hook=_plain)
     text = msgspec.json.format(encoded, indent=1)
-    (options.out / f"{name}.json").write_bytes(text)
-    (options.out / f"{name}.md").write_text(markdown(findings, made), encoding="utf-8")
+    write_file(options.out / f"{name}.json", text)
+    write_file(options.out / f"{name}.md", markdown(findings, made).encode())
     if as_json:
         print(text.decode())
     else:

@@ -11,6 +11,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
+from agent.storage.files import drafted
+
 # Okabe and Ito 2008, in an order of good contrast on white.
 BLUE, ORANGE, GREEN, PINK, SKY, RED, YELLOW, BLACK = COLOURS = (
     "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#000000",
@@ -63,5 +65,6 @@ def save(figure: Figure, path: Path) -> Path:
     """Write a PNG, small enough for a repository: 128 colours do."""
     picture = BytesIO()
     figure.savefig(picture, dpi=DPI)
-    Image.open(picture).convert("RGB").quantize(128).save(path, optimize=True)
+    with drafted(path) as draft:
+        Image.open(picture).convert("RGB").quantize(128).save(draft, optimize=True)
     return path

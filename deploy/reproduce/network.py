@@ -14,6 +14,7 @@ from pathlib import Path
 import msgspec
 
 from agent.config.experiment import SwarmFile
+from agent.storage.files import write_file
 from agent.storage.runfolder import RunFolder
 from deploy.chaos.faults import load_faults
 from deploy.chaos.namespaces import hosts, inside, settle
@@ -95,7 +96,7 @@ def _run(config: SwarmFile, fault: str, path: Path, host: str) -> Trace:
     shutil.rmtree(path, ignore_errors=True)
     path.parent.mkdir(parents=True, exist_ok=True)
     file, chaos = path.with_suffix(".json"), FILES / f"{fault}.toml"
-    file.write_bytes(msgspec.json.encode(config))
+    write_file(file, msgspec.json.encode(config))
     command = [*inside(host), sys.executable, "-m", "deploy.cli", "up", str(file)]
     command += ["--run", str(path), "--no-record"]
     found = () if fault == UNDISTURBED else load_faults(chaos, config)

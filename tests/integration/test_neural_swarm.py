@@ -36,6 +36,7 @@ def test_cart_poles_learn_stop_go_on_and_leave_the_house(tmp_path: Path) -> None
         up.interrupt()
         assert up.wait() == 130
     begin = folder.common_round(MEMBERS)
+    assert begin
     held = [checkpoint.rounds_in(folder.checkpoints(agent))[-1] for agent in MEMBERS]
     assert max(held) - begin <= 3  # nothing but the last rounds of the fastest is lost
     code, output = run("up", "--resume", folder.path, "--no-record", cwd=tmp_path)

@@ -45,13 +45,14 @@ class Run:
     @property
     def begun(self) -> bool:
         """Whether there is something to resume."""
-        return all(checkpoint.rounds_in(self.folder.checkpoints(a)) for a in self.config.members)
+        return self.folder.config.exists()
 
     @property
     def newest(self) -> int:
-        """The round that every agent of a begun run has a checkpoint of, or of a later one."""
+        """The round that every agent has a checkpoint of, or of a later one; 0 without any."""
         members = self.config.members
-        return min(checkpoint.rounds_in(self.folder.checkpoints(a))[-1] for a in members)
+        held = [checkpoint.rounds_in(self.folder.checkpoints(agent)) for agent in members]
+        return min(max(rounds, default=0) for rounds in held)
 
     @property
     def finished(self) -> bool:

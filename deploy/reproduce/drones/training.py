@@ -14,6 +14,7 @@ from pathlib import Path
 import msgspec
 
 from agent.config.experiment import load
+from agent.storage.files import write_file
 from deploy.policies.evaluate import evaluate
 from deploy.policies.evaluation import Evaluation
 from deploy.process.processes import end_all, last_line
@@ -74,7 +75,7 @@ def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], No
             jobs=jobs,
             show=lambda cell, share, run=run: say(f"{run.label}: flying {cell}, {share:.0%}"),  # type: ignore[misc]
         )
-        path.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2))
+        write_file(path, msgspec.json.format(msgspec.json.encode(result), indent=2))
 
 
 class _Clock:
@@ -131,10 +132,8 @@ def _start(run: Run) -> subprocess.Popen[bytes]:
         run.folder.evaluation.unlink(missing_ok=True)
         order = ["up", "--resume", str(folder), "--set", f"rounds={run.config.rounds}"]
     else:
-        if run.folder.config.exists():  # stopped before its first checkpoint
-            run.folder.config.unlink()
         file = folder.with_suffix(".json")
-        file.write_bytes(msgspec.json.format(msgspec.json.encode(run.config), indent=2))
+        write_file(file, msgspec.json.format(msgspec.json.encode(run.config), indent=2))
         order = ["up", str(file), "--run", str(folder), "--no-record"]
     with _log(run).open("ab") as log:
         return subprocess.Popen(

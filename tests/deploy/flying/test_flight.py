@@ -1,6 +1,5 @@
 """``swarm fly``: what is refused before anything flies, and how a flight ends."""
 
-import signal
 import sys
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 
 from deploy.cli import main as cli
 from deploy.flying import flight
-from deploy.process.signals import StoppedError, stopping_at_signals
 from deploy.viewer.film import turned
 from sim.indoor.flight.env import IndoorFlight, Observation
 from sim.indoor.render.camera import rays
@@ -62,16 +60,6 @@ def test_recordings_lie_beside_what_flew(tmp_path: Path) -> None:
     assert flight.folder_of(tmp_path).parent == tmp_path / "flights"
     assert flight.folder_of(tmp_path / "policy.safetensors").parent == Path("runs")
     assert flight.folder_of(None).name.startswith("flight-")
-
-
-def test_the_first_signal_stops_and_later_ones_do_not_disturb() -> None:
-    before = signal.getsignal(signal.SIGINT)
-    with stopping_at_signals():
-        with pytest.raises(StoppedError):
-            signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGINT)
-        signal.raise_signal(signal.SIGTERM)
-    assert signal.getsignal(signal.SIGINT) is before
 
 
 def test_a_policy_is_rehearsed_on_the_ground() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from agent.config.experiment import load
+from agent.storage.appender import Appender
 from deploy.launch.journal import Journal, events
 from deploy.launch.progress import Progress
 
@@ -16,7 +17,7 @@ def test_what_the_user_reads_is_written_down(
 ) -> None:
     path = tmp_path / "events.jsonl"
     assert events(path) == []
-    journal = Journal(path, Progress(load(FILE)))
+    journal = Journal(Appender(path, lines=True), Progress(load(FILE)))
     journal.say("fault", "fault: kill drone1")
     journal.say("restarted", "drone1 starts again from its newest checkpoint", "drone1")
     first, second = events(path)
