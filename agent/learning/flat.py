@@ -58,21 +58,21 @@ class FlatNetwork:
         with torch.no_grad():
             torch._foreach_copy_(self._weights, self._theta_views)
 
-    def choose(self, observations: Observations, dice: NDArray[np.float64] | None) -> Choice:
+    def choose(self, observations: Observations, draws: NDArray[np.float64] | None) -> Choice:
         """What the policy does about N observations.
 
         Args:
             observations: (N, ...) as the environment gives them.
-            dice: (N,) numbers in [0, 1) that draw the actions; None takes the likeliest.
+            draws: (N,) numbers in [0, 1) that draw the actions; None takes the likeliest.
         """
         with torch.inference_mode():
             logits, values = self.network(torch.from_numpy(observations).to(self.device))
             log_probs = torch.log_softmax(logits, -1).cpu().numpy()
-        if dice is None:
+        if draws is None:
             actions = log_probs.argmax(1)
         else:
             below = np.exp(log_probs, dtype=np.float64).cumsum(1)
-            actions = (below < dice[:, None] * below[:, -1:]).sum(1)
+            actions = (below < draws[:, None] * below[:, -1:]).sum(1)
         chosen = np.take_along_axis(log_probs, actions[:, None], 1)[:, 0]
         return Choice(actions, chosen, values.cpu().numpy())
 

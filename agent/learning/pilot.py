@@ -65,7 +65,7 @@ class Pilot:
     Args:
         form: how to build the network.
         theta: (d,) its parameters.
-        seed: of the dice, for stochastic flights.
+        seed: of stochastic flights.
     """
 
     def __init__(self, form: Form, theta: Vector, seed: int = 0) -> None:
@@ -86,7 +86,7 @@ class Pilot:
         Args:
             source: run folder, or ``.safetensors`` file.
             agent: whose parameters of a run folder; None for the mean of all.
-            seed: of the dice.
+            seed: of stochastic actions.
 
         Raises:
             ConfigError: no run folder, no such agent, or a tabular run.
@@ -120,8 +120,8 @@ class Pilot:
 
     def choose(self, observations: Observations, greedy: bool) -> Choice:
         """Actions, their log-probabilities and the critic's words."""
-        dice = None if greedy else self._random.random(len(observations))
-        return self.flat.choose(observations, dice)
+        draws = None if greedy else self._random.random(len(observations))
+        return self.flat.choose(observations, draws)
 
     def save(self, path: Path, notes: Mapping[str, str] = MappingProxyType({})) -> None:
         """Write a file that :meth:`load` reads: one tensor per part, the form in the header.

@@ -41,7 +41,7 @@ class Random:
         self._random = random
 
     def act(self, depth: Depths, pose: Poses, fresh: Flags) -> Actions:
-        """Throws dice."""
+        """Draws each with the same chance."""
         return self._random.integers(GRID * GRID, size=len(depth))
 
 

@@ -1,4 +1,4 @@
-"""``swarm eval RUN``: how far the learned policy flies, in every world, greedily and by its dice.
+"""``swarm eval RUN``: how far the learned policy flies, in every world, greedy and stochastic.
 
 The worlds are the six indoor scenes where the run's tasks are flights, else the run's own tasks.
 Measured is the safe flight [m] where a world tells it, else the sum of rewards.
@@ -61,7 +61,7 @@ def evaluate(
         source: run folder or exported policy.
         agent: whose parameters of a run; None for the mean.
         flights: at least so many per world and mode.
-        seed: of the worlds and the dice.
+        seed: of the worlds and of stochastic actions.
         jobs: processes; 0 for one per core.
         scenes: some of the worlds only.
         tell: takes a line after every cell.
