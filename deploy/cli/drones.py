@@ -113,7 +113,9 @@ def fly(
     ] = 0,
     speed: Annotated[float, typer.Option(help="--vehicle: of a step [m/s].")] = 0.5,
     fence: Annotated[float, typer.Option(help="--vehicle: farthest from take-off [m].")] = 100.0,
-    battery: Annotated[float, typer.Option(help="--vehicle: lands below this share.")] = 0.15,
+    battery: Annotated[
+        float, typer.Option(min=0, max=1, help="--vehicle: lands below this share.")
+    ] = 0.15,
     sysid: Annotated[
         int, typer.Option(min=0, help="--vehicle: its system id; 0: whichever is heard first.")
     ] = 0,

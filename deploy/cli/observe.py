@@ -16,7 +16,9 @@ def status(
     target: Target = None,
     settings: Settings = None,
     json: AsJson = False,
-    timeout: Annotated[float, typer.Option(help="How long to look for agents [s].")] = 2.0,
+    timeout: Annotated[
+        float, typer.Option(min=0.01, max=3600, help="How long to look for agents [s].")
+    ] = 2.0,
     watch: Annotated[
         bool, typer.Option("--watch", help="Look again and again, to Ctrl-C.")
     ] = False,
@@ -65,7 +67,7 @@ def view(
         bool, typer.Option("--headless", help="With --screenshot: open no window.")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(help="Watch for so long, there or not [s].")
+        float | None, typer.Option(min=0, max=1e6, help="Watch for so long, there or not [s].")
     ] = None,
     live: Annotated[
         bool | None,
@@ -93,7 +95,9 @@ def doctor(
         str | None, typer.Option("--id", help="Look as this agent, from its machine.")
     ] = None,
     json: AsJson = False,
-    timeout: Annotated[float, typer.Option(help="Longest single wait [s].")] = 2.0,
+    timeout: Annotated[
+        float, typer.Option(min=0.01, max=3600, help="Longest single wait [s].")
+    ] = 2.0,
 ) -> None:
     """Say why an agent sees nobody, and what to change.
 
