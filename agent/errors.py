@@ -7,6 +7,8 @@
     ├── DivergenceError    parameters, gradient or return have left all sense
     ├── TaskError          a task's world is unknown, refuses its arguments, or does not fit
     └── VehicleError       a drone is not there, refuses, or its flight was broken off
+        ├── RefusedError     it answers a command with a refusal
+        └── TakenOverError   a person flies it, or its own failsafe does
 """
 
 from swarm.errors import ConfigError, SwarmError
@@ -32,3 +34,11 @@ class VehicleError(SwarmError):
     """A drone is not there, refuses, or its flight was broken off; the message says why."""
 
     exit_code = 5
+
+
+class RefusedError(VehicleError):
+    """The vehicle has answered a command with a refusal; the message has its reasons."""
+
+
+class TakenOverError(VehicleError):
+    """The vehicle is in a mode that we did not ask for: it is not ours to fly, land or hold."""

@@ -10,8 +10,12 @@ The origin of the vehicle's local frame is the scene's home, on the floor below 
 axes are the scene's (north is north).  Nothing is teleported: the first episode begins above the
 place where the drone stood, the next ones some metres back on the way that it has come, which is
 free.  Between two steps, while somebody learns, it stands still.
+
+While a person flies the drone, a step lasts: learning pauses, and goes on from where the drone is
+given back (``safety`` says how).  A drone that its pilot has landed ends the agent.
 """
 
+import logging
 import math
 import time
 from collections.abc import Sequence
@@ -19,12 +23,15 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
-from agent.errors import VehicleError
+from agent.errors import TakenOverError, VehicleError
 from agent.vehicle.safety import Limits, Timing
 from agent.vehicle.vehicle import Vehicle
 
+log = logging.getLogger(__name__)
+
 Pose = tuple[float, float, float, float, float, float]  # x, y, z [m], roll, pitch, yaw [rad]
 Target = tuple[float, float, float, float]  # x, y, z [m], yaw [rad]
+Course = tuple[float, float, float, float]  # velocity [m/s, NED], yaw [rad]
 
 SPEED = 0.5  # m/s; at twice that, policies that learned without inertia touch walls
 HEIGHT = 1.5  # m; where flights in the scenes start
@@ -35,6 +42,7 @@ AIMED = 0.15  # rad, when a heading is
 RENEW = 0.1  # s between two set points on the way back
 PATIENCE = 10.0  # s for a turn, and for a way besides the time that it takes
 LATE = 3.0  # so many times longer than planned may a step last
+GIVEN_UP = 3  # ways back
 THINKING = 120.0  # s without a step, while somebody learns
 
 
@@ -74,8 +82,11 @@ class VehicleBody:
         self.drone, self._home, self._speed, self._height = drone, home, speed, height
         self._owner = owner
         self._trail: list[Target] = []  # where it has been in flight, in the local frame
+        self._course: Course = (0.0, 0.0, 0.0, 0.0)  # of the step: m/s NED, rad
         self._due = 0  # ms since boot, when the step is over
         self._seconds = 0.0  # that a step lasts
+        self._end = math.inf  # [monotonic s] when a step is given up
+        self._lost = 0  # ways back in a row that took too long
 
     @property
     def pose(self) -> Pose:
@@ -97,7 +108,11 @@ class VehicleBody:
             x, y, _ = self.drone.state.position
             self._turn(self._home[5] if math.hypot(x, y) < AT_HOME else self._yaw)
         else:
-            self._retreat()
+            try:
+                self._retreat()
+            except TakenOverError:
+                self.drone.await_control()
+                self._trail.clear()
         self._trail.append((*self.drone.state.position, self._yaw))
 
     def head_for(self, target: Target) -> None:
@@ -106,15 +121,22 @@ class VehicleBody:
         self._seconds = math.hypot(x, y, z) / self._speed
         self._due = self.drone.state.time_boot_ms + round(self._seconds * 1000)
         seconds = max(self._seconds, 1e-3)
-        self.drone.fly_at(x / seconds, y / seconds, z / seconds, target[3])
+        self._course = x / seconds, y / seconds, z / seconds, target[3]
+        self._end = time.monotonic() + LATE * self._seconds + self.drone.timing.telemetry
+        with suppress(TakenOverError):  # ``arrive`` deals with it
+            self.drone.fly_at(*self._course)
 
     def arrive(self) -> None:
-        """Wait until the step is over, by the vehicle's own clock."""
-        self.drone.wait(
-            lambda state: state.time_boot_ms >= self._due,
-            LATE * self._seconds + self.drone.timing.telemetry,
-            "does not report the end of a step",
-        )
+        """Fly on until the step is over, by the vehicle's own clock; or until it is given back."""
+        try:
+            while self.drone.state.time_boot_ms < self._due:
+                if time.monotonic() > self._end:
+                    raise VehicleError(f"{self.drone.name} does not report the end of a step")
+                self.drone.fly_at(*self._course)  # again and again: a velocity alone soon ends
+                self._pass(RENEW)
+        except TakenOverError:
+            self.drone.await_control()
+            self._trail.clear()  # the way back leads elsewhere
         self._trail.append((*self.drone.state.position, self._yaw))
 
     def close(self) -> None:
@@ -122,7 +144,7 @@ class VehicleBody:
         if not self._owner:
             return
         with suppress(VehicleError):
-            if self.drone.state.armed:
+            if self.drone.state.armed and self.drone.ours:
                 self.drone.land()
         self.drone.close()
 
@@ -131,28 +153,41 @@ class VehicleBody:
         return self.drone.state.attitude[2]
 
     def _retreat(self) -> None:
-        """Back on the trail, tail first; then turn as it was turned there."""
+        """Back on the trail, tail first; then turn as it was turned there.
+
+        A way back that takes too long is given up and the episode begins here; it is an error only
+        when that happens :data:`GIVEN_UP` times in a row.
+        """
         here, way, yaw = self.drone.state.position, 0.0, self._yaw
         self._trail.pop()  # where it is, or nearly
         while self._trail and way < RETREAT:
             x, y, z, yaw_then = self._trail.pop()
             way += math.dist(here, (x, y, z))
-            self._go((x, y, z), self._yaw)
+            if not self._go((x, y, z), self._yaw):
+                self._lost += 1
+                log.warning("%s does not find its way back: going on here", self.drone.name)
+                if self._lost >= GIVEN_UP:
+                    raise VehicleError(
+                        f"{self.drone.name} has not found its way back {GIVEN_UP} times in a row"
+                    )
+                return
             here, yaw = (x, y, z), yaw_then
+        self._lost = 0
         self._turn(yaw)
 
-    def _go(self, place: tuple[float, float, float], yaw: float) -> None:
-        """Straight to a place [m, local NED] at the speed of a step."""
+    def _go(self, place: tuple[float, float, float], yaw: float) -> bool:
+        """Straight to a place [m, local NED] at the speed of a step; False if it takes too long."""
         end = time.monotonic() + PATIENCE + LATE * math.dist(self.drone.state.position, place)
         while (away := math.dist(self.drone.state.position, place)) > NEAR:
             if time.monotonic() > end:
-                raise VehicleError(f"{self.drone.name} does not find its way back")
+                return False
             speed = self._speed / away
             x, y, z = (
                 speed * (a - b) for a, b in zip(place, self.drone.state.position, strict=True)
             )
             self.drone.fly_at(x, y, z, yaw)
             self._pass(RENEW)
+        return True
 
     def _turn(self, yaw: float) -> None:
         """Stand here and look there."""

@@ -1,8 +1,8 @@
 """Connection strings as the ecosystem writes them, and the sockets behind them.
 
-``udpin:HOST:PORT`` listens and answers whoever speaks; ``udpout:HOST:PORT`` speaks first;
-``tcp:HOST:PORT`` connects; ``serial:DEVICE:BAUD`` opens a serial port (needs ``pyserial``).
-``udp:`` is ``udpin:``, as in pymavlink.
+``udpin:HOST:PORT`` listens and answers the vehicle, wherever it last spoke from;
+``udpout:HOST:PORT`` speaks first; ``tcp:HOST:PORT`` connects; ``serial:DEVICE:BAUD`` opens a serial
+port (needs ``pyserial``).  ``udp:`` is ``udpin:``, as in pymavlink.
 """
 
 import contextlib
@@ -18,10 +18,20 @@ EXPECTED = "expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:
 
 
 class Connection(Protocol):
-    """Bytes in, bytes out."""
+    """Bytes in, bytes out.
+
+    Attributes:
+        datagrams: whether what ``receive`` returns begins and ends with a frame.
+    """
+
+    datagrams: bool
 
     def receive(self, timeout: float) -> bytes:
         """What has come; empty if nothing did within `timeout` seconds."""
+        ...
+
+    def believe(self) -> None:
+        """What was received last came from our vehicle: answer there from now on."""
         ...
 
     def send(self, data: bytes) -> None:
@@ -69,9 +79,13 @@ def open_connection(text: str, timeout: float) -> Connection:
 
 
 class _Udp:
+    datagrams = True
+
     def __init__(self, address: tuple[str, int], *, listens: bool) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._listens = listens
         self._peer: tuple[str, int] | None = None
+        self._last: tuple[str, int] | None = None  # who sent the last datagram
         try:
             if listens:
                 self._socket.bind(address)  # no SO_REUSEADDR: a port is never stolen
@@ -87,9 +101,12 @@ class _Udp:
             data, peer = self._socket.recvfrom(RECEIVE)
         except OSError:  # nothing yet, or the peer's port is closed
             return b""
-        if self._peer is None:
-            self._peer = peer
-        return data if peer == self._peer else b""
+        self._last = peer
+        return data if self._listens or peer == self._peer else b""
+
+    def believe(self) -> None:
+        if self._listens:
+            self._peer = self._last
 
     def send(self, data: bytes) -> None:
         if self._peer is not None:
@@ -101,6 +118,8 @@ class _Udp:
 
 
 class _Tcp:
+    datagrams = False
+
     def __init__(self, address: tuple[str, int], timeout: float) -> None:
         self._socket = socket.create_connection(address, timeout)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -121,6 +140,9 @@ class _Tcp:
         self._open = bool(data)
         return data
 
+    def believe(self) -> None:
+        """There is only one other end."""
+
     def send(self, data: bytes) -> None:
         with contextlib.suppress(OSError):
             self._socket.sendall(data)
@@ -130,6 +152,8 @@ class _Tcp:
 
 
 class _Serial:
+    datagrams = False
+
     def __init__(self, device: str, baud: int) -> None:
         try:
             serial = import_module("serial")
@@ -142,6 +166,9 @@ class _Serial:
         with contextlib.suppress(OSError):
             return bytes(self._port.read(RECEIVE))
         return b""
+
+    def believe(self) -> None:
+        """There is only one other end."""
 
     def send(self, data: bytes) -> None:
         with contextlib.suppress(OSError):

@@ -11,9 +11,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from agent.errors import VehicleError
+from agent.errors import RefusedError, VehicleError
 from agent.vehicle.dialects import mavlink
-from agent.vehicle.link import AUTOPILOT, Link, Message
+from agent.vehicle.link import AUTOPILOT, COMPANION, Link, Message
 from agent.vehicle.safety import Timing
 from agent.vehicle.state import READERS, VehicleState
 
@@ -70,37 +70,53 @@ class Conversation:
         self._outbox.append(message)
 
     def command(self, what: str, id_: int, *params: float) -> None:
-        """Send a COMMAND_LONG until it is answered.
+        """Send a COMMAND_LONG until it is answered; one that is in progress is not sent again.
 
         Raises:
-            VehicleError: it is refused, or nobody answers.
+            RefusedError: it is refused.
+            VehicleError: nobody answers.
         """
         padded = [*params, *[0.0] * (7 - len(params))]
         begun = time.monotonic()
         with self.lock:
             self._acks.pop(id_, None)
         end = begun + self._timing.command
-        attempt = 0
-        while time.monotonic() < end:
-            self.send(
-                mavlink.MAVLink_command_long_message(
-                    self._link.system, AUTOPILOT, id_, min(attempt, 255), *padded
+        attempt, working = 0, False
+        while (now := time.monotonic()) < end:
+            if not working:
+                self.send(
+                    mavlink.MAVLink_command_long_message(
+                        self._link.system, AUTOPILOT, id_, min(attempt, 255), *padded
+                    )
                 )
-            )
-            attempt += 1
+                attempt += 1
             with self.lock:
-                wait = min(self._timing.retry, end - time.monotonic())
+                wait = end - now if working else min(self._timing.retry, end - now)
                 self.lock.wait_for(lambda: id_ in self._acks, wait)
                 result = self._acks.pop(id_, None)
             if result == mavlink.MAV_RESULT_ACCEPTED:
                 return
-            if result is not None and result != mavlink.MAV_RESULT_IN_PROGRESS:
-                raise VehicleError(
+            if result == mavlink.MAV_RESULT_IN_PROGRESS:
+                working, end = True, time.monotonic() + self._timing.command
+                end = min(end, begun + self._timing.working)
+            elif result is not None:
+                raise RefusedError(
                     f"{self.name} refuses to {what}: {_result(result)}{self._said(begun)}"
                 )
-        raise VehicleError(
-            f"{self.name} does not answer to {what!r} within {self._timing.command:g} s"
-        )
+        seconds = time.monotonic() - begun
+        ending = "is still busy with" if working else "does not answer to"
+        raise VehicleError(f"{self.name} {ending} {what!r} after {seconds:.0f} s{self.others}")
+
+    @property
+    def others(self) -> str:
+        """Which other vehicles are on the link, in brackets: perhaps one of them was meant."""
+        others = sorted(self._link.heard - {self._link.system})
+        return f" (also heard: system {', '.join(map(str, others))})" if others else ""
+
+    @property
+    def rival(self) -> bool:
+        """Whether another companion computer of the vehicle is on the link."""
+        return self._link.rival
 
     def await_(self, condition: Condition, seconds: float, what: str) -> None:
         """Wait for telemetry that says so.
@@ -126,7 +142,9 @@ class Conversation:
         if state.prearm_ok is False:
             missing.append("arming checks fail")
         why = f": {', '.join(missing)}" if missing else ""
-        raise VehicleError(f"{self.name} {what} within {seconds:g} s{why}{self._said(begun - 10)}")
+        raise VehicleError(
+            f"{self.name} {what} within {seconds:g} s{why}{self.others}{self._said(begun - 10)}"
+        )
 
     def _said(self, since: float) -> str:
         """What it said lately, in brackets."""
@@ -168,12 +186,18 @@ class Conversation:
             for message in self._link.receive(min(max(wait, 0.0), 0.02)):
                 self._take(message)
 
+    def _is_for_us(self, ack: Message) -> bool:
+        """Whether an acknowledgement answers us; MAVLink 1 and old autopilots do not tell."""
+        system, component = ack.target_system, ack.target_component
+        return system in {0, self._link.system} and component in {0, COMPANION}
+
     def _take(self, message: Message) -> None:
         """Keep what a message says."""
         kind, now = message.get_type(), time.monotonic()
         with self.lock:
             if kind == "COMMAND_ACK":
-                self._acks[message.command] = message.result
+                if self._is_for_us(message):
+                    self._acks[message.command] = message.result
             elif kind == "STATUSTEXT":
                 self._texts.append((now, message.text))
                 log.info("%s says: %s", self.name, message.text)

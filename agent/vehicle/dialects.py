@@ -33,10 +33,22 @@ class Dialect:
     land: Mode
     takeoff_above_sea: bool  # what NAV_TAKEOFF's altitude counts from
     stream_first: bool  # set points must flow before the guided mode is entered
+    names: dict[Mode, str]
+    sticks: frozenset[Mode] = frozenset()  # modes that sink or drift without somebody at the sticks
 
     def custom_mode(self, mode: Mode) -> int:
         """The number that HEARTBEAT carries in this mode."""
         return mode[0] << 16 | mode[1] << 24 if self.stream_first else mode[0]
+
+    def mode(self, custom_mode: int) -> Mode:
+        """The mode that HEARTBEAT tells."""
+        if self.stream_first:
+            return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        return custom_mode, 0
+
+    def name_of(self, mode: Mode) -> str:
+        """What pilots call a mode."""
+        return self.names.get(mode, f"mode {mode[0]}.{mode[1]}")
 
 
 PX4 = Dialect(
@@ -47,6 +59,20 @@ PX4 = Dialect(
     land=(4, 6),
     takeoff_above_sea=True,
     stream_first=True,
+    names={
+        (1, 0): "MANUAL",
+        (2, 0): "ALTCTL",
+        (3, 0): "POSCTL",
+        (4, 2): "AUTO.TAKEOFF",
+        (4, 3): "AUTO.LOITER",
+        (4, 4): "AUTO.MISSION",
+        (4, 5): "AUTO.RTL",
+        (4, 6): "AUTO.LAND",
+        (5, 0): "ACRO",
+        (6, 0): "OFFBOARD",
+        (7, 0): "STABILIZED",
+    },
+    sticks=frozenset({(1, 0), (2, 0), (3, 0), (5, 0), (7, 0)}),
 )
 ARDUPILOT = Dialect(
     name="ardupilot",
@@ -56,6 +82,23 @@ ARDUPILOT = Dialect(
     land=(9, 0),
     takeoff_above_sea=False,
     stream_first=False,
+    names={
+        (0, 0): "STABILIZE",
+        (1, 0): "ACRO",
+        (2, 0): "ALT_HOLD",
+        (3, 0): "AUTO",
+        (4, 0): "GUIDED",
+        (5, 0): "LOITER",
+        (6, 0): "RTL",
+        (7, 0): "CIRCLE",
+        (9, 0): "LAND",
+        (13, 0): "SPORT",
+        (16, 0): "POSHOLD",
+        (17, 0): "BRAKE",
+        (18, 0): "THROW",
+        (21, 0): "SMART_RTL",
+    },
+    sticks=frozenset({(0, 0), (1, 0), (2, 0), (13, 0)}),
 )
 
 

@@ -13,6 +13,7 @@ from agent.vehicle.dialects import mavlink
 
 COMPANION = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # 191
 AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
+SIGNED = mavlink.MAVLINK_IFLAG_SIGNED
 SIGNING_EPOCH = 1_420_070_400  # s, 2015-01-01
 
 Message = Any
@@ -36,6 +37,11 @@ class Link:
         key: 32 bytes; sign, and believe only what is signed.
         record: every frame, ours too, goes here as a .tlog.
 
+    Attributes:
+        system: id of the vehicle, once one is heard.
+        heard: ids of all vehicles whose autopilots beat on this link.
+        rival: another companion computer of our vehicle is on this link.
+
     Raises:
         VehicleError: it cannot be opened.
     """
@@ -44,6 +50,8 @@ class Link:
         self, text: str, timeout: float, system: int, key: bytes | None, record: Tape | None
     ) -> None:
         self.system = system
+        self.heard: set[int] = set()
+        self.rival = False
         self._record = record
         self._connection = open_connection(text, timeout)
         self._codec = mavlink.MAVLink(None, system or 1, COMPANION)
@@ -69,14 +77,22 @@ class Link:
         data = self._connection.receive(timeout)
         if not data:
             return
+        if self._connection.datagrams:
+            self._forget()
         for message in self._parse(data):
-            kind = message.get_type()
             self._keep(bytes(message.get_msgbuf()))
-            if message.get_srcComponent() != AUTOPILOT:
+            system, component = message.get_srcSystem(), message.get_srcComponent()
+            beats = message.get_type() == "HEARTBEAT"
+            if beats and system == self.system and component == COMPANION:
+                self.rival = True
+            if component != AUTOPILOT:
                 continue
-            if self.system == 0 and kind == "HEARTBEAT":
-                self.system = self._codec.srcSystem = message.get_srcSystem()
-            if message.get_srcSystem() == self.system:
+            if beats:
+                self.heard.add(system)
+                if self.system == 0:
+                    self.system = self._codec.srcSystem = system
+            if system == self.system:
+                self._connection.believe()
                 yield message
 
     def _parse(self, data: bytes) -> list[Message]:
@@ -94,11 +110,17 @@ class Link:
                 continue
             messages.append(message)
             frame = message.get_msgbuf()
-            stream = (frame[-13], message.get_srcSystem(), message.get_srcComponent())
-            heard[stream] = int.from_bytes(frame[-12:-6], "little")
+            if frame[0] == mavlink.PROTOCOL_MARKER_V2 and frame[2] & SIGNED:
+                stream = (frame[-13], message.get_srcSystem(), message.get_srcComponent())
+                heard[stream] = int.from_bytes(frame[-12:-6], "little")
         if signing.secret_key is not None:
             signing.stream_timestamps = heard
         return messages
+
+    def _forget(self) -> None:
+        """Let go of half a frame: the next datagram is somebody else's, and begins with its own."""
+        self._codec.buf, self._codec.buf_index = bytearray(), 0
+        self._codec.expected_length = mavlink.HEADER_LEN_V1 + 2
 
     def _keep(self, frame: bytes) -> None:
         if self._record is not None:

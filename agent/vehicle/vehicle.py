@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Self
 
-from agent.errors import VehicleError
+from agent.errors import RefusedError, TakenOverError, VehicleError
 from agent.vehicle.conversation import Conversation
 from agent.vehicle.dialects import Dialect, Mode, dialect_of, mavlink
 from agent.vehicle.helm import (
@@ -22,14 +22,18 @@ from agent.vehicle.helm import (
     Helm,
     SetPoint,
 )
-from agent.vehicle.link import AUTOPILOT, Link, Message, Tape
+from agent.vehicle.link import AUTOPILOT, COMPANION, Link, Message, Tape
 from agent.vehicle.safety import Limits, Timing
 from agent.vehicle.state import VehicleState
 
 log = logging.getLogger(__name__)
 
 STREAMS = {32: 25.0, 30: 25.0, 33: 5.0, 245: 4.0, 1: 2.0, 24: 2.0}  # message -> Hz
-REACHED = 0.4  # m, a take-off that is this near is over
+HOME_POSITION = 242
+REACHED = 0.4  # m below its height, a take-off becomes a set point
+ASK_AGAIN = 1.0  # s between two attempts to arm
+Place = tuple[float, float, float]  # m, local NED
+
 CUSTOM = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
 
 
@@ -47,6 +51,8 @@ class Vehicle:
     Raises:
         VehicleError: on entering, when no autopilot is heard in time; by every verb, when the
             vehicle refuses, does not answer, or the flight was broken off.
+        TakenOverError: by every verb that moves it, while a person or the autopilot's failsafe
+            flies it.
     """
 
     def __init__(
@@ -116,6 +122,16 @@ class Vehicle:
         return self._helm.broken or self._talk.ended or None
 
     @property
+    def taken_over(self) -> str | None:
+        """Who flies instead of us, and in which mode; None while we do, or before we did."""
+        return self._helm.taken
+
+    @property
+    def ours(self) -> bool:
+        """Whether we fly it, a landing that safety insists on included: else leave it alone."""
+        return self._helm.steering and self._helm.taken is None
+
+    @property
     def name(self) -> str:
         """What messages call it."""
         return self._talk.name
@@ -140,18 +156,40 @@ class Vehicle:
             "is not ready to arm",
         )
 
+    def locate(self) -> Place:
+        """Wait until it tells where it is [m, local NED], how it is turned, and whether it flies.
+
+        Raises:
+            VehicleError: it does not in time.
+        """
+        self._talk.await_(
+            lambda s: (
+                s.landed is not None
+                and not math.isnan(s.attitude[2])
+                and time.monotonic() - s.position_at < self.timing.telemetry
+            ),
+            self.timing.ready,
+            "does not tell where it is",
+        )
+        return self.state.position
+
     def take_off(self, height: float) -> None:
         """Arm, climb to a height [m], and be ready for set points."""
         if not 0 < height <= self.limits.height:
             raise VehicleError(
                 f"take-off to {height:g} m: expected more than 0, at most {self.limits.height:g}"
             )
-        self.wait_ready()
         talk, dialect = self._talk, self.dialect
+        if talk.rival:
+            raise VehicleError(
+                f"{self.name} has another companion (component {COMPANION}) on this link: "
+                "expected to be the only one"
+            )
+        self.wait_ready()
         if self.state.landed is False:
             raise VehicleError(f"{self.name} is in the air: expected it on the ground")
         self.set_mode(dialect.before_arming)
-        talk.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+        self._arm()
         talk.await_(lambda s: s.armed, self.timing.mode, "does not report that it is armed")
         start = self.state
         self._helm.home = start.position
@@ -163,33 +201,80 @@ class Vehicle:
             self.timing.takeoff,
             f"does not reach {height:g} m",
         )
-        self._begin()
+        x, y, z = start.position
+        self._begin((x, y, z - height))
+
+    def _arm(self) -> None:
+        """Ask until it arms: what forbids it may pass, on PX4 as on ArduPilot."""
+        end, told = time.monotonic() + self.timing.ready, False
+        while True:
+            try:
+                self._talk.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+            except RefusedError as refusal:
+                if time.monotonic() > end:
+                    raise VehicleError(f"{refusal}, for {self.timing.ready:g} s") from None
+                if not told:
+                    log.warning("%s: asking again for up to %g s", refusal, self.timing.ready)
+                    told = True
+                self._talk.pause(ASK_AGAIN)
+            else:
+                return
 
     def take_over(self) -> bool:
-        """Go on with a drone that hangs in the air as a lost companion leaves it.
+        """Go on with a drone that is in the air as a lost companion leaves it.
+
+        Fence and height count from where the autopilot has its home, or, if it does not tell, from
+        here.
 
         Returns:
             False where it stands on the ground.
 
         Raises:
-            VehicleError: it is in the air in another mode, so somebody else flies it.
+            TakenOverError: it is in the air in another mode, so somebody else flies it.
         """
-        self._talk.await_(
-            lambda s: (
-                s.landed is not None
-                and not math.isnan(s.attitude[2])
-                and time.monotonic() - s.position_at < self.timing.telemetry
-            ),
-            self.timing.ready,
-            "does not tell where it is",
-        )
+        self.locate()
         if self.state.landed:
             return False
-        left = {self.dialect.custom_mode(m) for m in (self.dialect.hold, self.dialect.guided)}
-        if self.state.custom_mode not in left:
-            raise VehicleError(f"{self.name} is flown by somebody else: expected it on the ground")
+        dialect = self.dialect
+        mode = dialect.mode(self.state.custom_mode)
+        abandoned = self.state.failsafe and mode in dialect.sticks  # it sinks; nobody steers
+        if mode not in {dialect.hold, dialect.guided} and not abandoned:
+            raise TakenOverError(
+                f"{self.name} is flown by somebody else ({dialect.name_of(mode)}): "
+                "expected it on the ground, or as a companion leaves it"
+            )
+        self._helm.home = self._ask_home()
         self.resume()
         return True
+
+    def _ask_home(self) -> Place:
+        """Where the autopilot has its home [m, local NED]; below us where it does not tell."""
+        talk = self._talk
+        try:
+            talk.command("tell its home", mavlink.MAV_CMD_REQUEST_MESSAGE, HOME_POSITION)
+            talk.await_(lambda s: s.home is not None, self.timing.mode, "does not tell its home")
+        except VehicleError as error:
+            log.warning("%s: fence and height count from here", error)
+        return self.state.home or self.state.position
+
+    def await_control(self) -> None:
+        """Wait while somebody else flies, until our set points are obeyed again.
+
+        Raises:
+            VehicleError: the drone is landed and disarmed, or nobody gives it back in time.
+        """
+        begun = told = time.monotonic()
+        while (taken := self._helm.taken) is not None:
+            if not self.state.armed:
+                self._release()
+                raise VehicleError(f"{self.name} was landed by its pilot ({taken})")
+            now = time.monotonic()
+            if now - begun > self.timing.pilot:
+                raise TakenOverError(f"{self.name} was not given back ({taken})")
+            if now - told > self.timing.tell:
+                told = now
+                log.info("%s: waiting for its pilot for %.0f s (%s)", self.name, now - begun, taken)
+            self._talk.pause(self.timing.stream)
 
     def fly_to(self, x: float, y: float, z: float, yaw: float) -> None:
         """Ask for a place [m, local NED] and a heading [rad]; returns at once."""
@@ -211,8 +296,13 @@ class Vehicle:
 
         Raises:
             VehicleError: it does not within `seconds`, or the flight is broken off.
+            TakenOverError: somebody else flies.
         """
-        self._talk.await_(lambda s: self.broken_off is not None or condition(s), seconds, what)
+        self._talk.await_(
+            lambda s: self.broken_off is not None or self._helm.taken is not None or condition(s),
+            seconds,
+            what,
+        )
         self._check_flying()
 
     def hold(self) -> None:
@@ -229,15 +319,25 @@ class Vehicle:
         self._begin()
 
     def land(self) -> None:
-        """Land here, or see a broken-off flight to its end; returns when the rotors stand still."""
+        """Land here, or see a broken-off flight to its end; returns when the rotors stand still.
+
+        Raises:
+            TakenOverError: somebody else flies it, now or before it is down.
+        """
+        self._check_ours()
         if self._helm.broken is None:
             self._release()
             self.set_mode(self.dialect.land)
         self._talk.await_(
-            lambda s: not s.armed or time.monotonic() - s.heartbeat_at > self.timing.lost,
+            lambda s: (
+                not s.armed
+                or self._helm.taken is not None
+                or time.monotonic() - s.heartbeat_at > self.timing.lost
+            ),
             self.timing.land,
             "does not disarm after landing",
         )
+        self._check_ours()
         if self.state.armed:
             raise VehicleError(f"{self.name} is not heard any more: it must land by itself")
         self._release()
@@ -258,9 +358,10 @@ class Vehicle:
 
     # -- the helm ----------------------------------------
 
-    def _begin(self) -> None:
-        """Hold this place by set points, and have them obeyed."""
-        here = SetPoint(LOCAL_NED, POSITION_YAW, self.state.position, yaw=self.state.attitude[2])
+    def _begin(self, place: Place | None = None) -> None:
+        """Hold a place [m, local NED], or this one, by set points, and have them obeyed."""
+        where = place or self.state.position
+        here = SetPoint(LOCAL_NED, POSITION_YAW, where, yaw=self.state.attitude[2])
         with self._talk.lock:
             self._helm.begin(here, time.monotonic())
         if self.dialect.stream_first:  # at least half a second of them
@@ -268,7 +369,7 @@ class Vehicle:
         self.set_mode(self.dialect.guided)
         with self._talk.lock:
             self._helm.wish(here, time.monotonic())
-            self._helm.obeyed()
+            self._helm.obeyed(self._talk.state, self.dialect)
 
     def _release(self) -> None:
         with self._talk.lock:
@@ -279,7 +380,12 @@ class Vehicle:
         with self._talk.lock:
             self._helm.wish(setpoint, time.monotonic())
 
+    def _check_ours(self) -> None:
+        if self._helm.taken is not None:
+            raise TakenOverError(f"{self.name} is not ours to fly: {self._helm.taken}")
+
     def _check_flying(self) -> None:
+        self._check_ours()
         if self.broken_off is not None:
             raise VehicleError(f"{self.name}: flight broken off: {self.broken_off}")
         if not self._helm.steering:

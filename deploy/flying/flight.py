@@ -29,8 +29,10 @@ from deploy.process.news import News
 from deploy.process.packages import needs
 from deploy.process.signals import StoppedError, stopping_at_signals
 from sim.indoor.content.scene import Scene, check, load
-from sim.indoor.flight.body import home_of
+from sim.indoor.flight.body import Pose, home_of
 from sim.indoor.flight.env import IndoorFlight, Observation
+from sim.indoor.flight.flights import RADIUS, outside
+from sim.indoor.geometry.collision import clearance
 from swarm.errors import ConfigError
 
 Decide = Callable[[IndoorFlight, Observation, bool], int]  # world, picture, first of a flight
@@ -161,6 +163,7 @@ def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
                 record=tape,
             )
         )  # fmt: skip
+        check_room(scene, home, drone, plan.height)
         tell(f"{drone.name} is on {plan.vehicle}; taking off, Ctrl-C lands")
         body = VehicleBody(drone, home, plan.speed, plan.height)
         world = IndoorFlight(plan.scene, body)
@@ -174,9 +177,12 @@ def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
             ended = str(error)
             raise
         finally:
-            tell(f"landing: {ended}")
-            _land(drone, ended)
-            tell("landed")
+            if drone.ours:
+                tell(f"landing: {ended}")
+                _land(drone, ended)
+                tell("landed")
+            else:
+                tell(f"left alone: {ended}{_flown_by(drone)}")
             summary = Summary(drone.name, plan.scene, distances, time.monotonic() - begun, ended)
             text = msgspec.json.format(msgspec.json.encode(summary), indent=2)
             write_file(plan.folder / "flight.json", text)
@@ -217,6 +223,29 @@ def _fly_on(
         if plan.flights is not None and len(distances) >= plan.flights:
             return
         seen, _ = world.reset()
+
+
+def check_room(scene: Scene, home: Pose, drone: Vehicle, height: float) -> None:
+    """See that the drone has room where it will begin: above where it stands, or where it flies.
+
+    Raises:
+        VehicleError: the virtual room has a wall there, or ends before.
+    """
+    x, y, z = (a + b for a, b in zip(drone.locate(), home[:3], strict=True))
+    if drone.state.landed:
+        z -= height
+    room = clearance(scene.mesh, 0, np.array([x, y, z]), 2 * RADIUS)
+    outdoors = outside(scene.mesh, 0, np.array([x, y, z]))
+    if outdoors or room < RADIUS:
+        where = "outside of it" if outdoors else f"{room:.2f} m from a surface"
+        raise VehicleError(
+            f"{drone.name} would begin at ({x:.1f}, {y:.1f}, {z:.1f}) of {scene.name}, {where}: "
+            f"expected {RADIUS} m of room there; see --start"
+        )
+
+
+def _flown_by(drone: Vehicle) -> str:
+    return f" ({drone.taken_over})" if drone.taken_over else ""
 
 
 def _land(drone: Vehicle, why: str) -> None:

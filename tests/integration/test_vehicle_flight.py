@@ -2,6 +2,7 @@
 
 import io
 import math
+import socket
 import struct
 import threading
 import time
@@ -10,12 +11,12 @@ from dataclasses import replace
 
 import pytest
 
-from agent.errors import VehicleError
+from agent.errors import RefusedError, TakenOverError, VehicleError
 from agent.vehicle import Limits, Timing, Vehicle
 from sim.vehicle.dialect import mavlink
 from sim.vehicle.flavours import ARDUPILOT, PX4, Flavour
 from sim.vehicle.server import Options
-from tests.integration.vehicles import HOST, vehicle
+from tests.integration.vehicles import HOST, free_port, vehicle
 
 pytestmark = pytest.mark.integration
 SPEED = 4.0
@@ -151,16 +152,115 @@ def test_a_low_battery_ends_in_a_landing(options: Options) -> None:
     assert "battery" in reason
 
 
-def test_someone_else_taking_over_ends_in_a_landing(options: Options) -> None:
-    def take_over(drone: Vehicle) -> None:
-        drone._talk.send(
-            mavlink.MAVLink_command_long_message(
-                3, 1, mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH, 0, 0, 0, 0, 0, 0, 0, 0
-            )
+def choose(drone: Vehicle, mode: tuple[int, int]) -> None:
+    """What a ground station sends when its pilot picks a mode."""
+    drone._talk.send(
+        mavlink.MAVLink_command_long_message(
+            drone.system, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, 1, *mode, 0, 0, 0, 0
         )
-        drone.fly_at(0.0, 0.0, 0.0, 0.0)
+    )
 
-    assert "guided mode" in break_off(options, QUICK, Limits(), take_over)
+
+def test_what_a_pilot_chooses_is_left_alone_until_it_is_given_back(options: Options) -> None:
+    """RTL is flown to its end, to the rotors' standstill; HOLD is given back and flown on from."""
+    with Vehicle(f"udpin:{HOST}:{options.port}") as drone:
+        drone.take_off(2.0)
+        hold, rtl = drone.dialect.hold, (4, 5) if drone.dialect.name == "px4" else (6, 0)
+        choose(drone, hold)
+        until(drone, lambda: drone.taken_over is not None, "it is noticed")
+        assert drone.dialect.name_of(hold) in str(drone.taken_over) and not drone.ours
+        with pytest.raises(TakenOverError, match="is not ours to fly"):
+            drone.fly_at(1.0, 0.0, 0.0, 0.0)
+        with pytest.raises(TakenOverError, match="is not ours to fly"):
+            drone.land()
+        choose(drone, drone.dialect.guided)
+        drone.await_control()
+        until(
+            drone,
+            lambda: drone.state.velocity[0] > 0.9,
+            "flown again",
+            lambda: drone.fly_at(1.0, 0.0, 0.0, 0.0),
+        )
+        choose(drone, rtl)
+        until(drone, lambda: drone.taken_over is not None, "it is noticed again")
+        modes = set()
+        until(
+            drone,
+            lambda: not drone.state.armed,
+            "it comes home by itself",
+            lambda: modes.add(drone.dialect.mode(drone.state.custom_mode)),
+        )
+        assert drone.broken_off is None
+        assert modes <= {rtl, drone.dialect.land, drone.dialect.hold}
+        assert rtl in modes
+        with pytest.raises(VehicleError, match="was landed by its pilot"):
+            drone.await_control()
+
+
+def test_a_second_sortie_has_its_fence_around_its_own_place_of_take_off(options: Options) -> None:
+    """Also for the companion that takes over there, when the one that took off has died."""
+    where, limits = f"udpin:{HOST}:{options.port}", Limits(fence=5.0, speed=3.0)
+    with Vehicle(where) as drone:
+        drone.take_off(2.0)
+        until(
+            drone,
+            lambda: near(drone, 12, 0, -2),
+            "a place beyond the fence",
+            lambda: drone.fly_to(12, 0, -2, 0.0),
+        )
+        drone.land()
+    with Vehicle(where, limits=limits) as drone:
+        drone.take_off(2.0)
+    with Vehicle(where, limits=limits) as drone:
+        assert drone.take_over()
+        assert drone._helm.home == pytest.approx((12, 0, 0), abs=0.6)
+        until(
+            drone,
+            lambda: near(drone, 14, 0, -2),
+            "it flies",
+            lambda: drone.fly_to(14, 0, -2, 0.0),
+        )
+        assert drone.broken_off is None
+        drone.land()
+
+
+def test_a_stray_sender_and_a_new_port_do_not_lose_the_vehicle(options: Options) -> None:
+    """Somebody else's datagrams, first and often; then the router comes back on another port."""
+    stray = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    router, out = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+    stop, port = threading.Event(), free_port()
+    router.bind((HOST, options.port))  # where the vehicle sends
+    assert options.local_port is not None
+    home, ways = (HOST, options.local_port), [out]
+
+    def relay() -> None:
+        while not stop.is_set():
+            stray.sendto(b"hello", (HOST, port))
+            for source, target in ((router, None), (ways[-1], home)):
+                source.settimeout(0.005)
+                try:
+                    data = source.recv(65_536)
+                except OSError:
+                    continue
+                if target is None:
+                    ways[-1].sendto(data, (HOST, port))
+                else:
+                    router.sendto(data, target)
+
+    out.bind((HOST, 0))
+    thread = threading.Thread(target=relay, daemon=True)
+    thread.start()
+    try:
+        with Vehicle(f"udpin:{HOST}:{port}") as drone:
+            ways.append(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            ways[-1].bind((HOST, 0))
+            until(drone, lambda: time.monotonic() - drone.state.heartbeat_at < 1.0, "still heard")
+            drone._talk.command("send its version", mavlink.MAV_CMD_REQUEST_MESSAGE, 148)
+    finally:
+        stop.set()
+        thread.join(5)
+        for each in (stray, router, *ways):
+            each.close()
 
 
 def test_the_vehicle_holds_when_set_points_stop(options: Options) -> None:
@@ -213,7 +313,7 @@ def test_a_refusal_says_why_in_one_line(options: Options) -> None:
     with Vehicle(f"udpin:{HOST}:{options.port}", Timing(ready=1.0)) as drone:
         with pytest.raises(VehicleError, match="take-off to 1000 m: expected"):
             drone.take_off(1000.0)
-        with pytest.raises(VehicleError, match=r"refuses to take off.*not armed") as refusal:
+        with pytest.raises(RefusedError, match=r"refuses to take off.*not armed") as refusal:
             drone._talk.command("take off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 490.0)
         assert "\n" not in str(refusal.value)
 
