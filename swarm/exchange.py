@@ -11,7 +11,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Self
@@ -19,17 +19,21 @@ from typing import Self
 import zenoh
 
 from swarm.errors import SupersededError
-from swarm.mixing.compression import Body, Codec
+from swarm.mixing.compression import Codec
 from swarm.protocol.actions import Action, Again, Await, Begin, End, Mix, Say, Send
 from swarm.protocol.machine import Machine
+from swarm.protocol.messages import ParameterHeader
 from swarm.protocol.peers import Delivery
-from swarm.wire.dispatch import Dispatch
-from swarm.wire.handover import Handover, plain
+from swarm.wire.buffers import Body
+from swarm.wire.dispatch import BEAT, JOIN, SENT, WANT, Dispatch
+from swarm.wire.handover import Handover
 from swarm.wire.inbox import Inbox
 from swarm.wire.keys import Keys
-from swarm.wire.payload import Layout
+from swarm.wire.links import Links
+from swarm.wire.payload import Layout, plain
 from swarm.wire.reception import Reception
 from swarm.wire.roster import Roster
+from swarm.wire.transport import ZenohTransport
 
 log = logging.getLogger(__name__)
 TICK = 0.1  # [s] at most until a wait notices that it must end
@@ -96,22 +100,26 @@ class Exchange:
     ) -> None:
         self._resources = ExitStack()
         self.machine, self._inbox = machine, Inbox(machine)
-        reception = self._resources.enter_context(
-            Reception(
-                session, keys, machine.agent, machine.members, layout, codec, roster, self._inbox,
-                last=last if waits else math.inf, most=0.0 if waits else last,
-            )
+        reception = Reception(
+            machine.agent, machine.members, layout, codec, roster, self._inbox,
+            last=last if waits else math.inf, most=0.0 if waits else last,
         )  # fmt: skip
-        self.dispatch = self._resources.enter_context(
-            Dispatch(session, keys, machine.agent, waits, shared_memory)
+        self._joins: Callable[[str], None] = lambda _agent: None
+        reception.on_note = self._on_note
+        transport = ZenohTransport(session, keys, machine.agent, reception.refuse)
+        self.links = self._resources.enter_context(
+            Links(transport, machine.agent, machine.life, reception, shared_memory)
         )
-        self.handover = Handover(session, keys, machine.agent, plain(layout), reception)
+        self.dispatch = Dispatch(self.links, together=waits)
+        self.handover = Handover(
+            session, keys, machine.agent, plain(layout), reception, self.links, self._sign,
+            self._call_on_join,
+        )  # fmt: skip
         self.guard = reception.guard
         self._reception, self._roster = reception, roster
         self._out: Published | None = None
         self._taken: dict[str, Delivery] = {}
-        self._sent: dict[str, float] = {}  # monotonic time of the last message to each [s]
-        self._said: dict[str, float] = {}  # and of the last line about each cause
+        self._said: dict[str, float] = {}  # when the last line about each cause was written [s]
         self._began = time.monotonic()  # [s]
         self._waits = waits
         roster.call_on_change(self._on_presence)
@@ -160,11 +168,11 @@ class Exchange:
         learned: float = 0.0,
         limit: float | None = None,
     ) -> None:
-        """Send this round's parameters; returns as soon as Zenoh has queued them.
+        """Hand this round's parameters to the links; does not wait.
 
         Args:
             round_: the round.
-            body: the encoded vector.
+            body: the encoded vector, which must not change any more.
             norm: Euclidean norm of the own vector, the measure for the neighbours'.
             learned: so far [rounds], where rounds are not common.
             limit: how long to wait for the neighbours' [s]; by default as recent rounds suggest.
@@ -181,30 +189,38 @@ class Exchange:
             sends = self.machine.begin(time.monotonic(), out.round, out.norm, out.limit)
         self.dispatch.prepare(sends[0].header, out.body)
         for send in sends:
-            self._send(send)
+            if send.vector:
+                self.dispatch.send(send.to)
+            else:
+                self._send(send)
 
     def _send(self, send: Send) -> None:
-        if not send.vector:
-            self.dispatch.beat(send.to, send.header)
-        else:
-            self.dispatch.send(send.to if self._waits else self._listening(send.to))
+        """A header alone; a round's vector has left for everybody, and links lose nothing."""
+        self.dispatch.note(send.to, SENT if send.vector else BEAT, send.header)
 
-    def _listening(self, nearby: Collection[str]) -> list[str]:
-        """Neighbours that have spoken since they were sent something, or not for a while.
+    def _on_note(self, kind: str, header: ParameterHeader) -> None:
+        """Somebody has sent a vector that may have been refused; lacks ours; or joins."""
+        sender = header.agent
+        if kind == SENT and self._inbox.lacks(header) and not self._moves(sender):
+            self.dispatch.note([sender], WANT, self._sign())
+        elif kind == WANT and sender in self.machine.nearby and not self._moves(sender):
+            self.dispatch.send([sender])
+        elif kind == JOIN:
+            self._joins(sender)
 
-        Without common rounds this keeps messages from piling up before a slow one.
-        """
-        now = time.monotonic()
+    def _moves(self, agent: str) -> bool:
+        """Whether bytes move between this agent and another, or wait for it."""
+        report = self.links.report().get(agent)
+        if report is not None and report.backlog:
+            return True
+        return time.monotonic() - self.links.moved(agent) < self.machine.timing.resend
+
+    def _sign(self) -> ParameterHeader:
         with self._inbox.lock:
-            heard = {agent: self.machine.peers[agent].heard for agent in nearby}
-        again = self.machine.timing.resend
-        due = [
-            agent
-            for agent in nearby
-            if heard[agent] > self._sent.get(agent, 0.0) or now > self._sent.get(agent, 0.0) + again
-        ]
-        self._sent |= dict.fromkeys(due, now)
-        return due
+            return self.machine.sign()
+
+    def _call_on_join(self, call: Callable[[str], None]) -> None:
+        self._joins = call
 
     def gather(self, stop: threading.Event) -> Gathered | None:
         """Wait for the end of the round that was published; None when told to stop.

@@ -146,7 +146,7 @@ def _offers(session: zenoh.Session, keys: Keys, timeout: float) -> Iterable[tupl
         try:
             sender = Keys.identity(str(reply.ok.key_expr))[1]
             yield sender, msgspec.msgpack.decode(body, type=Offer)
-        except (PayloadError, msgspec.MsgspecError) as error:
+        except (PayloadError, msgspec.MsgspecError, UnicodeDecodeError) as error:
             log.warning("dropped an answer on %s: %s", reply.ok.key_expr, error)
 
 

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swarm.errors import PayloadError
-from swarm.wire.vectors import bytes_of
+from swarm.wire.buffers import Body, bytes_of
 
 Vector = NDArray[np.floating]
 FloatType = np.dtype[np.floating]
-Body = bytes | bytearray
 Compression = Literal["none", "fp16", "int8"]
 BLOCK = 64  # values that share one int8 scale: 6% more bytes than one scale for all
 
@@ -27,7 +26,7 @@ class Codec(Protocol):
     lossy: bool
 
     def encode(self, vector: Vector) -> Body:
-        """Bytes of ``vector``, to be sent before it changes."""
+        """Bytes of ``vector``, which must not change any more."""
         ...
 
     def decode(self, body: Body, size: int, dtype: FloatType) -> Vector:

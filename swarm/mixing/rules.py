@@ -34,9 +34,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from swarm.mixing.compression import CODECS, Body, Codec, Compression
+from swarm.mixing.compression import CODECS, Codec, Compression
 from swarm.mixing.robust import Robust, shares
-from swarm.wire.vectors import sum_of
+from swarm.wire.buffers import Body, sum_of
 
 Vector = NDArray[np.floating]
 State = dict[str, Vector]

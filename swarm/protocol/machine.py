@@ -126,9 +126,10 @@ class Machine:
             self._void.append(agent)
 
     def progress(self, now: float, agent: str) -> None:
-        """Something of a member's is on its way, though not all here."""
+        """Something of a member's is on its way, though not all here: no limit runs out on it."""
         peer = self.peers[agent]
-        peer.heard, peer.late = now, False
+        peer.heard = peer.moved = now
+        peer.late = False
 
     def begin(
         self, now: float, round_: int, norm: float, limit: float | None = None
@@ -283,7 +284,7 @@ class Machine:
         late = {}
         for agent in sorted(waiting):
             peer = self.peers[agent]
-            if spent >= self.timing.round:
+            if now - max(self._published, peer.moved) >= self.timing.round:
                 peer.penalize(self.round)
                 late[agent] = f"{agent} gives signs of life but no parameters for {spent:.1f} s"
             elif now - max(peer.heard, self._published) >= self._limit / 2:

@@ -26,6 +26,7 @@ class Peer:
         token: its present life as membership has it, None while it is not here.
         view: its newest header.
         heard: when it gave its last sign of life [s].
+        moved: when part of something between it and this agent arrived [s].
         late: it let a deadline pass and has not been heard since.
         barred: before this round nobody waits for it, for it gave signs of life and nothing else.
         penalties: how often in a row.
@@ -37,6 +38,7 @@ class Peer:
     token: str | None = None
     view: ParameterHeader | None = None
     heard: float = 0.0
+    moved: float = 0.0
     late: bool = False
     barred: int = 0
     penalties: int = 0

@@ -70,7 +70,7 @@ def ask_history(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str,
         try:
             agent = Keys.identity(str(reply.ok.key_expr))[1]
             reports = decoder.decode(body)
-        except (PayloadError, msgspec.MsgspecError):
+        except (PayloadError, msgspec.MsgspecError, UnicodeDecodeError):
             continue
         if len(reports) <= LIMIT and all(report.agent == agent for report in reports):
             answers[agent] = reports

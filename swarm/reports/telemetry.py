@@ -237,7 +237,7 @@ def decode(body: bytes, kind: type[Message]) -> Message | None:
         return None
     try:
         return msgspec.msgpack.decode(body, type=kind)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, UnicodeDecodeError):
         return None
 
 
@@ -252,7 +252,7 @@ def ask_status(session: zenoh.Session, keys: Keys, timeout: float) -> dict[str, 
             continue
         try:
             status = decoder.decode(reply.ok.payload.to_bytes())
-        except msgspec.MsgspecError:
+        except (msgspec.MsgspecError, UnicodeDecodeError):
             continue
         if Keys.names(str(reply.ok.key_expr), status.agent):
             answers[status.agent] = status

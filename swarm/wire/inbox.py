@@ -39,6 +39,18 @@ class Inbox:
             self.machine.heard(time.monotonic(), header, None)
             self._notify()
 
+    def progress(self, agent: str) -> None:
+        """Part of something of a member's has come: no time limit runs out on it."""
+        with self.lock:
+            self.machine.progress(time.monotonic(), agent)
+
+    def lacks(self, header: ParameterHeader) -> bool:
+        """Whether the vector of a header that came alone is missing, and still of use."""
+        with self.lock:
+            machine, peer = self.machine, self.machine.peers[header.agent]
+            wanted = machine.agent in header.neighbours and header.round >= machine.round
+            return wanted and header.round not in peer.vectors
+
     def everything(self) -> list[Message]:
         """All vectors that are kept."""
         with self.lock:

@@ -9,7 +9,7 @@ a path.
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import prod
 from typing import Literal
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from swarm.errors import PayloadError
 from swarm.mixing.compression import Codec, FloatType
 from swarm.protocol.messages import LARGEST, PROTOCOL, ParameterHeader
+from swarm.wire.buffers import Body
 
 HEADER_LIMIT = 16384  # [bytes] a complete graph of some 200 agents
 
@@ -70,6 +71,11 @@ class Layout:
         return _digits((self.swarm, self.parts, self.precision))
 
 
+def plain(layout: Layout) -> Layout:
+    """The layout of parameters that are handed over, where messages have ``layout``."""
+    return replace(layout, copies=1, codec="none")
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """A header and the vector that came with it, both checked."""
@@ -113,7 +119,7 @@ def decode_header(
         )
     try:
         header = _decoder.decode(attachment)
-    except msgspec.MsgspecError as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
         raise PayloadError("header", f"header does not read: {error}") from None
     if header.version != PROTOCOL:
         raise PayloadError("version", f"protocol {header.version}: expected {PROTOCOL}")
@@ -131,7 +137,7 @@ def decode_header(
     return header
 
 
-def decode_body(body: bytes, layout: Layout, codec: Codec, longest: float = math.inf) -> Vector:
+def decode_body(body: Body, layout: Layout, codec: Codec, longest: float = math.inf) -> Vector:
     """Read the vector that came with a good header.
 
     Args:

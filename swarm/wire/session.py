@@ -91,7 +91,7 @@ def configuration(
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,  # [us]
         "transport/link/rx/max_message_size": MAX_MESSAGE,
         "transport/shared_memory/enabled": network.shared_memory,
-        # Only what swarm.wire.parcels puts there itself: the pool for the rest would be 16 MB an
+        # Only what swarm.wire.shared puts there itself: the pool for the rest would be 16 MB an
         # agent.
         "transport/shared_memory/transport_optimization/enabled": False,
         **network.security.settings(party),

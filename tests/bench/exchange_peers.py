@@ -25,12 +25,12 @@ from swarm.mixing.compression import Plain
 from swarm.protocol.machine import Machine
 from swarm.protocol.quorum import Quorum
 from swarm.protocol.timing import Timing
+from swarm.wire.buffers import sum_of
 from swarm.wire.keys import Keys
 from swarm.wire.payload import Layout
 from swarm.wire.roster import Roster
 from swarm.wire.security import Party
 from swarm.wire.session import Network, open_session
-from swarm.wire.vectors import sum_of
 
 Vector = NDArray[np.float32]
 Step = Callable[[], None]
@@ -86,12 +86,10 @@ class Ours:
         end = time.monotonic() + LIMIT
         for opened in self._exchanges.values():  # their subscriptions may come after their tokens
             for neighbour in self._nearby:
-                publisher: Any = opened.dispatch.publisher(
-                    neighbour
-                )  # zenoh's stubs err about its status
-                while not publisher.matching_status.matching:
-                    assert time.monotonic() < end, f"{neighbour} does not listen"
-                    time.sleep(0.01)
+                opened.links.reach(neighbour)
+            while any(link.delivered == 0 for link in opened.links.report().values()):
+                assert time.monotonic() < end, f"{self._nearby}: not all listen"
+                time.sleep(0.01)
         for opened in self._exchanges.values():
             opened.start(0, True, threading.Event())
 

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import numpy as np
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
 from deploy.process.ports import Ports, hold_free
+from swarm.wire.frames import Chunk, encode
 
 ROOT = Path(__file__).parents[2]
 SWARMS = ROOT / "deploy" / "library" / "swarms"
@@ -141,3 +143,12 @@ def agent_pids(folder: Path) -> dict[str, int]:
         if "--supervised" in words and words[words.index("--run") + 1] == str(folder):
             pids[words[words.index("--id") + 1]] = int(entry.name)
     return pids
+
+
+_streams = count(1000)
+
+
+def framed(agent: str, life: str, header: bytes, body: bytes) -> bytes:
+    """The attachment of a message that is the first, and the last, of a stream of its own."""
+    stream, total = next(_streams), len(body)
+    return encode(Chunk(agent, life, stream, 0, 0, "round", 0, total, False, 0.0, header))

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from itertools import cycle, islice
+from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from swarm.wire.payload import HEADER_LIMIT, Layout
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
+    framed,
     free_base_port,
     rounds_played,
     status,
@@ -74,12 +75,13 @@ def test_bad_messages_are_counted_and_dropped(tmp_path: Path) -> None:
             stranger = session.declare_publisher(keys.params("mallory"))
             until(lambda: len(session.info.peers_zid()) >= len(MEMBERS), "links to all")
             for _ in range(2):
-                for attachment, payload in bad:
-                    publisher.put(payload, attachment=attachment)
-                stranger.put(body, attachment=header())
-                stranger.put(body, attachment=header(agent="mallory"))
-            causes = {"header", "version", "fingerprint", "stranger", "incarnation", "key"}
-            causes |= {"length", "finite", "norm"}
+                for said, payload in bad:
+                    publisher.put(payload, attachment=framed("drone1", alive, said, payload))
+                publisher.put(body, attachment=b"junk")
+                publisher.put(body, attachment=framed("drone2", alive, header(), body))
+                stranger.put(body, attachment=framed("mallory", alive, header(), body))
+            causes = {"frame", "header", "version", "fingerprint", "stranger", "incarnation"}
+            causes |= {"key", "length", "finite", "norm"}
 
             def counted() -> bool:
                 rejected = status(folder, tmp_path)[1]["agents"]["drone0"]["rejected"]
@@ -92,12 +94,12 @@ def test_bad_messages_are_counted_and_dropped(tmp_path: Path) -> None:
         assert code == 1
         assert any("drone0 rejected messages" in problem for problem in summary["problems"])
     log = RunFolder(folder).log("drone0").read_text()
-    assert log.count("for this cause, said once a minute") == len(bad) + 2
+    assert log.count("for this cause, said once a minute") == len(bad) + 3
 
 
 FLOOD = 100_000  # messages
 TRAITOR = "drone4"  # a member of the file, and hostile
-CAUSES = {"header", "version", "fingerprint", "round", "length", "finite", "norm", "key"}
+CAUSES = {"frame", "header", "version", "fingerprint", "round", "length", "finite", "norm", "key"}
 CAUSES |= {"incarnation", "stranger", "quarantined"}
 
 
@@ -113,24 +115,25 @@ def hostile(layout: Layout, replayed: list[tuple[bytes, bytes]]) -> Iterator[tup
     body = np.zeros(layout.size, "<f4").tobytes()
     nan = np.full(layout.size, np.nan, "<f4").tobytes()
     far_out = np.full(layout.size, 1e6, "<f4").tobytes()
-    bad = [
-        (TRAITOR, body, b"junk"),
-        (TRAITOR, body, None),
-        (TRAITOR, body, bytes(HEADER_LIMIT + 1)),
-        (TRAITOR, body, header(version=99)),
-        (TRAITOR, body, header(fingerprint="?")),
-        (TRAITOR, body, header(round=-1)),
-        (TRAITOR, body, header(round=10**9)),
-        (TRAITOR, body[:-4], header()),
-        (TRAITOR, body * 50, header()),
-        (TRAITOR, nan, header()),
-        (TRAITOR, far_out, header()),
-        (TRAITOR, body, header(agent="drone1")),
-        (TRAITOR, body, header(incarnation="0")),
-        ("mallory", body, header(agent="mallory")),
-        *(("mallory", *message) for message in replayed),
+    said = [
+        (body, b"junk"),
+        (body, bytes(HEADER_LIMIT + 1)),
+        (body, header(version=99)),
+        (body, header(fingerprint="?")),
+        (body, header(round=-1)),
+        (body, header(round=10**9)),
+        (body[:-4], header()),
+        (body * 50, header()),
+        (nan, header()),
+        (far_out, header()),
+        (body, header(agent="drone1")),
+        (body, header(incarnation="0")),
     ]
-    return cycle(bad)
+    for number in count():
+        payload, attachment = said[number % len(said)]
+        yield TRAITOR, payload, framed(TRAITOR, "f00d", attachment, payload)
+        yield TRAITOR, payload, (b"junk", None, attachment)[number % 3]
+        yield ("mallory", *replayed[number % len(replayed)])
 
 
 @pytest.mark.timeout(600)  # a busy machine; alone it takes less than a minute
@@ -172,7 +175,7 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
         )  # fmt: skip
 
         def known() -> bool:
-            session.put(keys.params(TRAITOR), b"", attachment=hello)
+            session.put(keys.params(TRAITOR), b"", attachment=framed(TRAITOR, "f00d", hello, b""))
             return all(TRAITOR in s.neighbours for s in collect(session, config, 10.0).values())
 
         until(known, "everybody knows the traitor")

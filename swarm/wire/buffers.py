@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.floating]
+Body = bytes | bytearray
 
 # Unlike bytearray(size), this does not fill the memory with zeros first.
 _new_bytearray = ctypes.pythonapi.PyByteArray_FromStringAndSize
@@ -17,9 +18,15 @@ _new_bytearray.restype = ctypes.py_object
 _new_bytearray.argtypes = (ctypes.c_char_p, ctypes.c_ssize_t)
 
 
+def new_body(length: int) -> bytearray:
+    """So many bytes that are not yet anything."""
+    body: bytearray = _new_bytearray(None, length)
+    return body
+
+
 def new_vector(size: int, dtype: np.dtype[np.floating]) -> Vector:
     """(size,) values that are not yet anything."""
-    return np.frombuffer(_new_bytearray(None, size * dtype.itemsize), dtype)
+    return np.frombuffer(new_body(size * dtype.itemsize), dtype)
 
 
 def sum_of(a: Vector, b: Vector) -> Vector:
@@ -27,10 +34,10 @@ def sum_of(a: Vector, b: Vector) -> Vector:
     return np.add(a, b, out=new_vector(a.size, np.result_type(a, b)))
 
 
-def bytes_of(vector: Vector) -> bytes | bytearray:
+def bytes_of(vector: Vector) -> Body:
     """Its little-endian bytes: its own memory where it can be sent, else a copy.
 
-    Whoever sends copies them before the vector may change.
+    They are the vector's own: who sends them no longer changes it.
     """
     little = vector.astype(vector.dtype.newbyteorder("<"), copy=False)
     memory = little.base.obj if isinstance(little.base, memoryview) else None

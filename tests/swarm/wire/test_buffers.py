@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from swarm.wire.vectors import bytes_of, new_vector, sum_of
+from swarm.wire.buffers import bytes_of, new_vector, sum_of
 
 
 def test_a_new_vector_is_sent_from_its_own_memory() -> None:
