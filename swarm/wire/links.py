@@ -46,7 +46,8 @@ PROBE = 65_536  # [bytes] sent to a new neighbour, so that the first vector find
 PROBING = "probe"  # its kind; never handed to the receiver
 SILENT = 2.0  # [s] without progress, then a line says so
 LIVES = 2  # of one sender that are listened to at a time; the receiver above knows which counts
-END = 1.0  # [s] for a sender's thread to end
+END = 1.0  # [s] for a sender's thread to end; likewise for the last acknowledgement to come
+DRAIN_STEP = 0.02  # [s]
 Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
@@ -261,7 +262,17 @@ class Links:
     def __enter__(self) -> Self:
         return self
 
+    def drain(self) -> None:
+        """Wait until all has arrived, or nothing moves any more."""
+        while True:
+            with self._lock:
+                links = list(self._links.values())
+            if not any(link.moves() for link in links):
+                return
+            time.sleep(DRAIN_STEP)
+
     def __exit__(self, *error: object) -> None:
+        self.drain()
         for neighbour in list(self._links):
             self.forget(neighbour)
         self._transport.close()
@@ -305,6 +316,12 @@ class _Link:
         """Whether anything has not arrived."""
         with self._news:
             return bool(self._out.waiting or self._out.under_way)
+
+    def moves(self) -> bool:
+        """Whether something is under way and still arrives."""
+        with self._news:
+            patience = END + 2 * self._out.window.round_trip
+            return bool(self._out.under_way) and time.monotonic() < self._out.progress + patience
 
     def acknowledge(self, ack: Ack) -> bool:
         """Learn what has arrived; whether that is news."""

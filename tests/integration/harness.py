@@ -150,5 +150,5 @@ _streams = count(1000)
 
 def framed(agent: str, life: str, header: bytes, body: bytes) -> bytes:
     """The attachment of a message that is the first, and the last, of a stream of its own."""
-    stream, total = next(_streams), len(body)
-    return encode(Chunk(agent, life, stream, 0, 0, "round", 0, total, False, 0.0, header))
+    stream, kind = next(_streams), "round" if body else "beat"
+    return encode(Chunk(agent, life, stream, 0, 0, kind, 0, len(body), False, 0.0, header))
