@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 PIECE = 65_536  # [bytes] read at once, at most
 QUANTUM = 0.005  # [s] of the link that are read at once, at most
+CREDIT = 0.5  # [s] by which a thread may be late without the link losing what it could have sent
 DEPTH = 0.05  # [s] of the link that wait in front of it, so that a late thread leaves it no gap
 BUFFER = 65_536  # [bytes] of the sockets in front of the link
 
@@ -117,6 +118,9 @@ class _Direction:
     def _read(self) -> None:
         rate, free = self._shape.rate / 8, time.monotonic()  # bytes/s; when the link is free [s]
         piece = PIECE if not rate else int(min(PIECE, max(1500, rate * QUANTUM)))
+        full = (
+            False  # whether the sender waits for the link, so that a late thread costs it nothing
+        )
         while True:
             if rate and (ahead := free - time.monotonic()) > DEPTH:
                 time.sleep(ahead - DEPTH / 2)
@@ -125,7 +129,8 @@ class _Direction:
             except OSError:
                 data = b""
             now = time.monotonic()
-            free = max(now, free) + (len(data) / rate if rate else 0.0)
+            free = max(now - CREDIT * full, free) + (len(data) / rate if rate else 0.0)
+            full = len(data) == piece
             with self._news:
                 self._way.append((free + self._shape.latency, data))
                 self._news.notify()

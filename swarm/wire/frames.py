@@ -57,7 +57,7 @@ class Ack(msgspec.Struct, frozen=True, array_like=True, tag="ack", forbid_unknow
         have: places of the stream that have arrived, in order.
         lost: whether something before the answered frame is missing.
         sent: as in the answered frame [s].
-        rate: at which the message under way arrived, None before its second part [bytes/s].
+        rate: at which the message arrived that this part completes; else None [bytes/s].
         host: name of the receiver's machine, as far as shared memory goes; empty without.
         shared: whether the answered part came through shared memory.
     """

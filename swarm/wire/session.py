@@ -88,7 +88,9 @@ def configuration(
         "transport/link/tx/lease": network.lease_ms,
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/data": 16,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": 500_000,  # [us]
+        # What is put is small and has a thread of its own (swarm.wire.links): it may take its time;
+        # who is frozen loses its link by the lease.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 10_000_000,  # [us]
         "transport/link/rx/max_message_size": MAX_MESSAGE,
         "transport/shared_memory/enabled": network.shared_memory,
         # Only what swarm.wire.shared puts there itself: the pool for the rest would be 16 MB an

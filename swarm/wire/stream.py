@@ -99,6 +99,7 @@ class Outgoing:
     _asked: float = 0.0
     _sent: int = 0  # largest ``next`` of this stream
     _wanted: int = 0  # place up to which an acknowledgement is on its way
+    _before: dict[float, int] = field(default_factory=dict)  # ``acknowledged`` when a chunk left
     _receiver: str = ""  # its life
     _near: bool = False  # whether it is on the own machine
     _shared_at: float = -1.0  # when the whole body left that is not acknowledged [s]; else -1
@@ -136,6 +137,7 @@ class Outgoing:
         wants = wants or self.next - self.acknowledged + size > self.window.size
         if wants:
             self._wanted = self.next
+            self._before[now] = self.acknowledged
         frame = Chunk(
             self.agent, self.life, self.stream, self.attempt, place, message.kind, offset,
             len(message.body), wants, now, b"" if offset else message.header,
@@ -159,7 +161,6 @@ class Outgoing:
         message = self.waiting.pop(next(iter(self.waiting)))
         if not self.under_way:
             self.progress = now
-            self.window.idle(now)
         message.at, self.begun = self.begun, self.begun + 1 + len(message.body)
         self.under_way.append(message)
         return True
@@ -191,10 +192,15 @@ class Outgoing:
             self.acknowledged, self.progress = ack.have, now
             self.next = max(self.next, ack.have)
             if not ack.shared:
-                self.window.acknowledged(new, max(now - ack.sent, 1e-6), ack.rate, limited, now)
+                trip = max(now - ack.sent, 1e-6)
+                before = self._before.pop(ack.sent, self.acknowledged - new)
+                rate = max((ack.have - before) / trip, ack.rate or 0.0)
+                self.window.acknowledged(new, trip, rate, limited, now)
         while self.under_way and self.under_way[0].end <= self.acknowledged:
             self.under_way.popleft()
             self.delivered += 1
+        if not self.under_way:
+            self._before.clear()
         if ack.lost and ack.attempt == self.attempt:
             self._go_back(ack.have, now)
 
@@ -255,6 +261,7 @@ class Incoming:
     _body: bytearray | None = None
     _first: tuple[float, int] = (0.0, 0)  # when this message's first part had come, its length
     _rate: float | None = None  # of this message [bytes/s]
+    _done: bool = False  # whether it is complete
 
     def begins(self, chunk: Chunk) -> bool:
         """Whether this is the first part of a message, and the next to come."""
@@ -294,7 +301,8 @@ class Incoming:
         arrival: Arrival | None = None
         if self._body is not None:
             self._body[chunk.offset : end] = part
-        if end == chunk.total:
+        self._done = end == chunk.total
+        if self._done:
             body = part if self._body is None else self._body
             if wanted and len(body) == chunk.total:
                 arrival = Arrival(chunk.agent, chunk.life, chunk.kind, self._header, body)
@@ -307,7 +315,8 @@ class Incoming:
         return self._ack(ask, not known or self.have < ask.place, now, False)
 
     def _ack(self, frame: Chunk | Ask, lost: bool, now: float, shared: bool) -> Ack:
-        rate = self._rate if isinstance(frame, Chunk) and not lost else None
+        whole = isinstance(frame, Chunk) and frame.offset and self._done
+        rate = self._rate if whole and not lost else None
         have = self.have if frame.stream == self.stream else 0
         return Ack(
             self.agent, self.life, frame.life, frame.stream, frame.attempt, have, lost, frame.sent,

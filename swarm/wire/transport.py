@@ -104,12 +104,11 @@ class ZenohTransport:
                     express=urgent,
                 )
                 self._publishers[to, urgent] = publisher
-                self._resources.callback(publisher.undeclare)
             return self._publishers[to, urgent]
 
     def close(self) -> None:
         if not self._session.is_closed():
-            self._resources.close()
+            self._resources.close()  # publishers end with the session: one may still be in use
 
     def __enter__(self) -> Self:
         return self
