@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from deploy.cli import main as cli
+from tests.notices import without_notices
 
 Ended = tuple[int, str, str]
 Run = Callable[..., Ended]
@@ -16,7 +17,7 @@ Run = Callable[..., Ended]
 def swarm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Run:
-    """The command in this process, in an empty folder: exit code, output, errors."""
+    """The command in this process, in an empty folder: (exit code, output, errors but no notices)."""
 
     def run(*arguments: str | Path) -> Ended:
         monkeypatch.chdir(tmp_path)
@@ -26,6 +27,6 @@ def swarm(
             cli.main()
         said = capsys.readouterr()
         code = ended.value.code
-        return (code if isinstance(code, int) else 0), said.out, said.err
+        return (code if isinstance(code, int) else 0), said.out, without_notices(said.err)
 
     return run

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
 from deploy.process.ports import Ports, hold_free
 from swarm.wire.frames import Chunk, encode
+from tests.notices import without_notices
 
 ROOT = Path(__file__).parents[2]
 SWARMS = ROOT / "deploy" / "library" / "swarms"
@@ -47,28 +48,41 @@ def free_base_port(count: int) -> int:
 
 @dataclass
 class Command:
-    """A running ``swarm ...`` command; its lines are collected as they come."""
+    """A running ``swarm ...`` command; its lines are collected as they come.
+
+    Attributes:
+        process: it.
+        printed: lines of its standard output.
+        told: lines of its standard error.
+    """
 
     process: subprocess.Popen[str]
-    lines: list[str] = field(default_factory=list)
+    printed: list[str] = field(default_factory=list)
+    told: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
         assert self.process.stdout is not None
-        for line in self.process.stdout:
-            self.lines.append(line.rstrip("\n"))
+        assert self.process.stderr is not None
+        pipes = (self.process.stdout, self.printed), (self.process.stderr, self.told)
+        self._readers = [threading.Thread(target=_read, args=pipe, daemon=True) for pipe in pipes]
+        for reader in self._readers:
+            reader.start()
+
+    @property
+    def answer(self) -> str:
+        """What it has printed."""
+        return "\n".join(self.printed)
 
     @property
     def output(self) -> str:
-        return "\n".join(self.lines)
+        """What it has printed, then what it has told, of which a mistake is the last line."""
+        return "\n".join((*self.printed, *self.told))
 
     def wait(self, deadline: float = PATIENCE) -> int:
         """Exit code."""
         code = self.process.wait(deadline)
-        self._reader.join(5.0)
+        for reader in self._readers:
+            reader.join(5.0)
         return code
 
     def says(self, text: str, deadline: float = PATIENCE) -> None:
@@ -79,6 +93,11 @@ class Command:
         self.process.send_signal(signal.SIGINT)
 
 
+def _read(pipe: IO[str], lines: list[str]) -> None:
+    for line in pipe:
+        lines.append(line.rstrip("\n"))
+
+
 @contextmanager
 def swarm(*arguments: str | Path, cwd: Path) -> Iterator[Command]:
     """Run ``swarm`` with these arguments; ended at the end whatever happens."""
@@ -87,7 +106,7 @@ def swarm(*arguments: str | Path, cwd: Path) -> Iterator[Command]:
         cwd=cwd,
         env=os.environ | {"PYTHONPATH": str(ROOT), "COLUMNS": "160"},
         stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
+        stderr=subprocess.PIPE,
         text=True,
     )
     try:
@@ -102,16 +121,23 @@ def swarm(*arguments: str | Path, cwd: Path) -> Iterator[Command]:
                 process.wait()
 
 
-def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
-    """Run ``swarm`` to its end: (exit code, output)."""
+def run(*arguments: str | Path, cwd: Path, deadline: float = PATIENCE) -> tuple[int, str]:
+    """Run ``swarm`` to its end: (exit code, output without notices)."""
     with swarm(*arguments, cwd=cwd) as command:
-        return command.wait(), command.output
+        return command.wait(deadline), without_notices(command.output)
+
+
+def ask(*arguments: str | Path, cwd: Path) -> tuple[int, Any]:
+    """Run ``swarm ... --json`` to its end: (exit code, what it printed)."""
+    with swarm(*arguments, "--json", cwd=cwd) as command:
+        code = command.wait()
+        assert command.printed, command.output
+        return code, json.loads(command.answer)
 
 
 def status(folder: Path, cwd: Path, timeout: float = 5.0) -> tuple[int, dict[str, Any]]:
     """``swarm status --json``: (exit code, what it said)."""
-    code, output = run("status", folder, "--json", "--timeout", str(timeout), cwd=cwd)
-    return code, json.loads(output)
+    return ask("status", folder, "--timeout", str(timeout), cwd=cwd)
 
 
 def final_thetas(folder: Path, agents: tuple[str, ...] = MEMBERS) -> np.ndarray:

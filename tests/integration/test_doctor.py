@@ -1,6 +1,5 @@
 """``swarm doctor`` beside real swarms, and where there is none."""
 
-import json
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +15,7 @@ from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
     Command,
+    ask,
     free_base_port,
     rounds_played,
     run,
@@ -45,8 +45,7 @@ def learning(folder: Path, *settings: str) -> Iterator[Command]:
 
 def doctor(cwd: Path, *arguments: str | Path, timeout: float = 3.0) -> tuple[int, dict[str, Any]]:
     """``swarm doctor --json``: (exit code, what it said)."""
-    code, output = run("doctor", *arguments, "--json", "--timeout", str(timeout), cwd=cwd)
-    return code, json.loads(output)
+    return ask("doctor", *arguments, "--timeout", str(timeout), cwd=cwd)
 
 
 def failed(diagnosis: dict[str, Any]) -> dict[str, list[str]]:

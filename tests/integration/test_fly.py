@@ -19,6 +19,7 @@ from sim.vehicle.flavours import ARDUPILOT, PX4
 from sim.vehicle.server import Options
 from tests.integration.harness import Command, swarm
 from tests.integration.vehicles import HOST, vehicle
+from tests.notices import without_notices
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 SPEED = 4.0  # simulated seconds per second
@@ -40,24 +41,24 @@ def summary(folder: Path) -> dict[str, Any]:
     return msgspec.json.decode((folder / "flight.json").read_bytes(), type=dict[str, Any])
 
 
-def fly(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
+def fly(*arguments: str | Path, cwd: Path) -> tuple[int, Command]:
     """``swarm fly`` to its end, which takes its time."""
     with swarm("fly", *arguments, cwd=cwd) as command:
         try:
-            return command.wait(PATIENT), command.output
+            return command.wait(PATIENT), command
         except subprocess.TimeoutExpired:
             raise AssertionError(f"still flying: {command.output}") from None
 
 
 def test_two_flights_end_at_walls_and_are_recorded(options: Options, tmp_path: Path) -> None:
     folder = tmp_path / "flight"
-    code, output = fly(
+    code, ended = fly(
         "--pilot", "straight", "--vehicle", connection(options), "--scene", SCENE,
         "--flights", "2", "--json", "--out", folder, cwd=tmp_path,
     )  # fmt: skip
-    assert code == 0, output
+    assert code == 0, ended.output
     told = summary(folder)
-    assert json.loads(output[output.index("{") :]) == told
+    assert json.loads(ended.answer) == told
     first, second = told["distances"]
     assert 6.0 < first < 12.0  # from the start straight to the opposite wall, less 1.4 m
     assert 1.0 < second < 8.0  # from 4 m back
@@ -109,13 +110,12 @@ def test_a_policy_that_says_nothing_sensible_does_not_take_off(
     form = Form(C3F2(), (103, 103, 3), "uint8", 25, critic=False)
     size = form.network().theta.numel()
     Pilot(form, np.full(size, np.nan, np.float32)).save(policy)
-    code, output = fly(
+    code, ended = fly(
         policy, "--vehicle", connection(options), "--scene", SCENE, "--out", folder,
         cwd=tmp_path,
     )  # fmt: skip
-    assert code == 5, output
-    mistakes = [line for line in output.splitlines() if not line.startswith("... ")]
-    assert mistakes == ["swarm: the policy's preferences are not numbers"]
+    assert code == 5, ended.output
+    assert without_notices(ended.output) == "swarm: the policy's preferences are not numbers"
 
 
 def test_training_in_real_time_begins_where_the_drone_is(options: Options) -> None:

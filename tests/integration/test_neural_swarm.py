@@ -11,15 +11,15 @@ from agent.learning.pilot import Pilot
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
 from deploy.policies.evaluation import Evaluation
+from tests.integration import harness
 from tests.integration.harness import MEMBERS, SWARMS, swarm, until
 
 PATIENCE = 240.0  # [s] torch alone takes a loaded machine a while to import
 
 
 def run(*arguments: str | Path, cwd: Path) -> tuple[int, str]:
-    """Run ``swarm`` to its end: (exit code, output)."""
-    with swarm(*arguments, cwd=cwd) as command:
-        return command.wait(PATIENCE), command.output
+    """Run ``swarm`` to its end, patiently: (exit code, output without notices)."""
+    return harness.run(*arguments, cwd=cwd, deadline=PATIENCE)
 
 
 def short(rounds: int) -> list[str]:

@@ -11,7 +11,7 @@ from deploy.flying import flight
 from deploy.viewer.film import turned
 from sim.indoor.flight.env import IndoorFlight, Observation
 from sim.indoor.render.camera import rays
-from sim.notices import MARK
+from tests.notices import without_notices
 
 SCENE = "indoor-long"
 NOWHERE = "udpin:127.0.0.1:21999"
@@ -50,8 +50,7 @@ def test_a_mistake_is_one_line(
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert ended.value.code in {2, 5}
-    said = capsys.readouterr().err.splitlines()
-    (mistake,) = (line for line in said if not line.startswith(MARK))  # a slow machine announces
+    (mistake,) = without_notices(capsys.readouterr().err).splitlines()
     assert mistake.startswith("swarm: ") and words in mistake
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
