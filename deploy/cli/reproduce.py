@@ -1,8 +1,6 @@
 """``swarm reproduce``: one command a study."""
 
-import math
 import os
-import time
 from collections.abc import Iterable
 from importlib import import_module
 from importlib.util import find_spec
@@ -26,7 +24,6 @@ app = typer.Typer(
 )
 
 SEEDS = 20
-LINES_EVERY = 60.0  # [s] between lines of progress where nobody watches a terminal
 RESULTS = RUNS / "reproduce"
 STUDIES = {  # name -> module with a function `study`, and what it is about
     "examples": "The two-task chain: no deterministic optimum, three stationary points, the trap.",
@@ -135,28 +132,19 @@ def drones(
             kept[name] = record
     wanted = estimator or [name for name in ESTIMATORS if name not in kept]
     chosen = [name for name in ESTIMATORS if name in wanted]
-    errors, console = Console(stderr=True), _console()
-    with errors.status("drones") as status:
-        told = -math.inf
-
-        def say(text: str) -> None:
-            nonlocal told
-            status.update(f"drones: {text}")
-            if not errors.is_terminal and time.monotonic() > told + LINES_EVERY:
-                told = time.monotonic()
-                errors.print(text)
-
-        options = Options(out / "drones", seeds, False, say)
+    console = _console()
+    with working("drones") as news:
+        options = Options(out / "drones", seeds, False, news.say)
 
         def whole(options: Options) -> Findings:
             workers = jobs or os.cpu_count() or 1
-            return study(options, chosen, budget, flights, workers, runs, errors.print, kept)
+            return study(options, chosen, budget, flights, workers, runs, news.line, kept)
 
         try:
             with stopping_at_signals():
                 good = publish("drones", whole, options, json, console)
         except StoppedError:
-            errors.print("stopped; the same command goes on where it was")
+            news.line("stopped; the same command goes on where it was")
             raise typer.Exit(130) from None
     raise typer.Exit(0 if good else 1)
 
@@ -183,10 +171,10 @@ def network(
             raise typer.BadParameter(f'"{name}": expected one of {", ".join(FAULTS)}')
     _need_figures()
     chosen = tuple(name for name in FAULTS if name in (fault or FAULTS))
-    errors, console = Console(stderr=True), _console()
+    console = _console()
     try:
-        with errors.status("network") as status, stopping_at_signals():
-            options = Options(out / "network", 1, quick, lambda t: status.update(f"network: {t}"))
+        with working("network") as news, stopping_at_signals():
+            options = Options(out / "network", 1, quick, news.say)
             good = publish("network", lambda o: study(o, agents, chosen), options, json, console)
     except StoppedError:
         raise typer.Exit(130) from None

@@ -57,9 +57,7 @@ def prepare(config: SwarmFile, run: Path | None) -> Iterator[Prepared]:
     Raises:
         ConfigError: the folder exists already, or a task cannot be built.
     """
-    with working("getting ready"):
-        check_tasks(config)
-        warm_up(entry.task for entry in config.agents)
+    get_ready(config)
     check_certificates(config)
     if run is not None:
         check_own_folder("--run", run)
@@ -80,11 +78,12 @@ def resume(path: Path, settings: Iterable[str]) -> Iterator[Prepared]:
     """A run folder to go on with.
 
     Raises:
-        ConfigError: not a run folder.
+        ConfigError: not a run folder, or a task cannot be built.
     """
     folder, config = open_again(path, settings)
     check_certificates(config)
     begin = where_to_begin(folder, config)
+    get_ready(config)
     with stop_meanwhile() as stop, held_ports(config) as placed:
         folder.write_config(placed)
         yield Prepared(folder, placed, begin, False, stop)
@@ -121,6 +120,17 @@ def is_finished(folder: RunFolder, config: SwarmFile) -> bool:
     """Whether every agent has played all rounds."""
     kept = [checkpoint.newest(folder.checkpoints(agent)) for agent in config.members]
     return all(at is not None and config.progress(at) >= config.rounds for at in kept)
+
+
+def get_ready(config: SwarmFile) -> None:
+    """Find mistakes in the tasks, and fill the caches that all agents read, before they start.
+
+    Raises:
+        ConfigError: a task cannot be built, or two tasks do not fit one policy.
+    """
+    with working("getting ready"):
+        check_tasks(config)
+        warm_up(entry.task for entry in config.agents)
 
 
 def check_tasks(config: SwarmFile) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 import numpy as np
@@ -47,6 +47,12 @@ class Claim(msgspec.Struct, frozen=True):
         return ("✔" if self.holds else "✘") if self.corrected else ""
 
 
+class Say(Protocol):
+    """Takes what is being done, and the share of all that is done."""
+
+    def __call__(self, detail: str, done: float | None = None, /) -> None: ...
+
+
 @dataclass(frozen=True)
 class Options:
     """How a study is run.
@@ -55,13 +61,13 @@ class Options:
         out: folder for what it writes.
         seeds: number of independent repetitions.
         quick: shorter and coarser: shows that everything works, proves less.
-        say: tells the user how far it is.
+        say: tells the user what it is at, and the share of all that is done, if that is known.
     """
 
     out: Path
     seeds: int
     quick: bool
-    say: Callable[[str], None]
+    say: Say
 
 
 class Findings(msgspec.Struct):

@@ -27,11 +27,12 @@ def study(options: Options) -> Findings:
     """See the module's docstring."""
     seeds = 2 if options.quick else options.seeds
     shares: dict[str, dict[Compression, Floats]] = {}
-    for layout in LAYOUTS:
+    for i, layout in enumerate(LAYOUTS):
         shares[layout] = {}
         referee = Referee(grid_swarm(layout))
-        for kind in KINDS:
-            options.say(f"({layout}) {kind}, {seeds} seeds")
+        for k, kind in enumerate(KINDS):
+            share = (i + k / len(KINDS)) / len(LAYOUTS)
+            options.say(f"({layout}) {kind}, {seeds} seeds", share)
             swarms = [
                 grid_swarm(layout, seed=seed, mixing=Mixing(compression=kind))
                 for seed in range(seeds)

@@ -47,13 +47,14 @@ def study(options: Options) -> Findings:
     claims: list[Claim] = []
     data: dict[str, Any] = {}
     shown: dict[str, Run] = {}
-    for layout in LAYOUTS:
-        options.say(f"({layout}) {seeds} swarms")
+    for k, layout in enumerate(LAYOUTS):
+        options.say(f"({layout}) {seeds} swarms", k / len(LAYOUTS))
         runs = simulate_together([grid_swarm(layout, seed=seed) for seed in range(seeds)])
         referee = Referee(runs[0].config)
         scores = [referee.judge(run.thetas) for run in runs]
         shown[layout] = runs[0]
-        options.say(f"({layout}) {seeds} x {LAYOUTS[layout].n_tasks} agents on their own")
+        alone_now = f"({layout}) {seeds} x {LAYOUTS[layout].n_tasks} agents on their own"
+        options.say(alone_now, (k + 0.5) / len(LAYOUTS))
         alone = _alone(layout, seeds)
         lonely = [referee.judge(run.thetas) for run in alone]
         claims += _claims(layout, referee, scores, lonely)

@@ -72,8 +72,9 @@ def study(options: Options, agents: int, faults: tuple[str, ...]) -> Findings:
     with hosts(agents + 1) as names:
         config = settle(config, names)
         traces = {}
-        for fault in (UNDISTURBED, *faults):
-            options.say(f"{agents} agents, {config.rounds} rounds, fault: {fault}")
+        for k, fault in enumerate(cases := (UNDISTURBED, *faults)):
+            detail = f"{agents} agents, {config.rounds} rounds, fault: {fault}"
+            options.say(detail, k / len(cases))
             traces[fault] = _run(config, fault, runs / fault, names[-1])
     tolerated = TIMES * usual_disagreement(traces[UNDISTURBED], first)
     done = {

@@ -46,8 +46,8 @@ def study(options: Options) -> Findings:
     n_tasks = LAYOUTS["a"].n_tasks
     claims, data = [], {}
     shares: dict[str, list[float]] = {defence: [] for defence in DEFENCES}
-    for attack, how in ATTACKS.items():
-        options.say(f"attack: {attack}")
+    for k, (attack, how) in enumerate(ATTACKS.items()):
+        options.say(f"attack: {attack}", k / len(ATTACKS))
         poison = None if how is None else Poison((f"drone{TRAITOR}",), *how, first)
         swarms = [_swarm(robust, seed, rounds) for robust in DEFENCES.values() for seed in seeds]
         runs = simulate_together(swarms, faults=Faults(poison=poison))

@@ -135,7 +135,7 @@ def study(options: Options) -> Findings:
 
     def observe(round_: int, thetas: list[Vectors]) -> None:
         if round_ % 100 == 0:
-            options.say(f"round {round_} of {rounds}, {len(cases)} swarms")
+            options.say(f"round {round_} of {rounds}, {len(cases)} swarms", round_ / rounds)
         probe(round_, thetas)
 
     simulate_together(configs, models=[models] * len(cases), observe=observe)

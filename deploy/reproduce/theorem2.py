@@ -10,6 +10,7 @@ and no optimum, and above a critical step two agents that start near it converge
 The steps are practical ones; the theorem's own (in the table) would take some 10^9 rounds.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ def study(options: Options) -> Findings:
     ring = spectrum(weight_matrix(graph(Topology(), members), members))
     claims: list[Claim] = []
     courses: dict[float, Floats] = {}
-    for epsilon, step in STEPS.items():
+    for k, (epsilon, step) in enumerate(STEPS.items()):
         lambda_ = epsilon / (2 * N * max(mismatches))
         config = SwarmFile(
             name="theorem2",
@@ -80,7 +81,11 @@ def study(options: Options) -> Findings:
             optimizer=Sgd(step=step),
             rounds=rounds,
         )
-        gaps = Gaps(tasks, bests, options, f"epsilon {epsilon}")
+
+        def say(round_: int, k: int = k, epsilon: float = epsilon) -> None:
+            options.say(f"epsilon {epsilon}, round {round_}", (k + round_ / rounds) / len(STEPS))
+
+        gaps = Gaps(tasks, bests, say)
         simulate_together([config] * n_worlds, models=tasks, initial=starts, observe=gaps)
         courses[epsilon] = np.minimum.accumulate(gaps.course)
         theirs = theorem_step(lambda_, ring.second, ring.smallest)
@@ -104,17 +109,16 @@ class Gaps:
         self,
         tasks: list[list[FiniteMDP]],
         bests: tuple[float, ...],
-        options: Options,
-        label: str,
+        say: Callable[[int], None],
     ) -> None:
         # Agent i's policy in task j of world w stands at (w N + i) N + j.
         self._everywhere = Worlds([task for world in tasks for task in world * N])
-        self._bests, self._options, self._label = np.array(bests), options, label
+        self._bests, self._say = np.array(bests), say
         self.course: list[Floats] = []
 
     def __call__(self, round_: int, thetas: list[Vectors]) -> None:
         if round_ % EVERY == 0:
-            self._options.say(f"{self._label}, round {round_}")
+            self._say(round_)
             policies = softmax(np.concatenate(thetas).reshape(-1, S, A)).repeat(N, axis=0)
             sums = self._everywhere.values(policies).reshape(-1, N, N).sum(axis=2)
             self.course.append(self._bests - sums.min(axis=1))

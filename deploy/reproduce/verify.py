@@ -38,12 +38,12 @@ def study(options: Options) -> Findings:
     """See the module's docstring."""
     claims: list[Claim] = []
     data: dict[str, Any] = {}
-    for name in FILES:
+    for k, name in enumerate(FILES):
         file = SWARMS / f"{name}.toml"
         settings = PATIENT + ["rounds=20"] * options.quick
         config = load(file, settings)
         size, rounds = len(config.agents), config.rounds
-        options.say(f"{name}: {size} processes, {rounds} rounds")
+        options.say(f"{name}: {size} processes, {rounds} rounds", k / len(FILES))
         start = time.perf_counter()
         real = run_processes(file, settings, config)
         middle = time.perf_counter()

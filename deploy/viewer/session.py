@@ -14,6 +14,7 @@ from pathlib import Path
 from agent.config.experiment import SwarmFile
 from agent.storage.runfolder import RunFolder
 from deploy.observe.status import Target, observe
+from deploy.process.news import working
 from deploy.process.signals import stop_meanwhile
 from deploy.viewer.moments import Moment, history, remembered
 from deploy.viewer.outputs import Output, opened
@@ -102,7 +103,9 @@ def _watch(config: SwarmFile, output: Output, waits: bool) -> bool:
         roster.call_on_change(somebody.set)
         watch_reports(session, keys, inbox.reports.put)
         watch_flights(session, keys, inbox.flights.put)
-        if not roster.present() and not somebody.wait(LOOK) and not waits:
+        with working(f"looking for swarm {config.name}"):
+            found = bool(roster.present()) or somebody.wait(LOOK)
+        if not found and not waits:
             return False
         with opened(config, output) as recorder, stop_meanwhile() as stop:
             end = "stop with Ctrl-C" if output.stays else "until it ends, or Ctrl-C"

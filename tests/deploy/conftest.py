@@ -17,7 +17,7 @@ Run = Callable[..., Ended]
 def swarm(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Run:
-    """The command in this process, in an empty folder: (exit code, output, errors but no notices)."""
+    """The command in this process, in an empty folder: exit code, output, mistakes."""
 
     def run(*arguments: str | Path) -> Ended:
         monkeypatch.chdir(tmp_path)

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
@@ -18,6 +18,7 @@ from agent.storage.files import write_file
 from deploy.policies.evaluate import evaluate
 from deploy.policies.evaluation import Evaluation
 from deploy.process.processes import end_all, last_line
+from deploy.reproduce.claims import Say
 from deploy.reproduce.drones.runs import Run, steps_per_round
 from swarm.errors import SwarmError
 
@@ -25,7 +26,7 @@ POLL = 2.0  # [s]
 STOP_LIMIT = 20.0  # [s] for a run to write its checkpoints
 
 
-def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
+def train(runs: Iterable[Run], jobs: int, say: Say) -> None:
     """Bring every run to its last round.
 
     Args:
@@ -54,13 +55,13 @@ def train(runs: Iterable[Run], jobs: int, say: Callable[[str], None]) -> None:
                 run = running.pop(process)
                 if not run.finished:
                     raise SwarmError(f"{run.label}: {last_line(_log(run))}")
-            say(clock.line(running.values()))
+            say(clock.line(running.values()), clock.share)
             time.sleep(POLL)
     finally:
         end_all(running, STOP_LIMIT)
 
 
-def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], None]) -> None:
+def assess(runs: Iterable[Run], flights: int, jobs: int, say: Say) -> None:
     """Fly every run that has not been flown with as many flights."""
     for run in runs:
         path = run.folder.evaluation
@@ -79,7 +80,7 @@ def assess(runs: Iterable[Run], flights: int, jobs: int, say: Callable[[str], No
 
 
 class _Clock:
-    """Estimates the time left from the steps of all runs."""
+    """The steps of all runs: how many there are, and how many a second."""
 
     def __init__(self, runs: list[Run]) -> None:
         self._runs = runs
@@ -92,14 +93,19 @@ class _Clock:
     def _steps(self) -> int:
         return sum(run.steps for run in self._runs)
 
+    @property
+    def share(self) -> float | None:
+        """Of the steps that were left at the start."""
+        left = self._total - self._first
+        return (self._steps() - self._first) / left if left else None
+
     def line(self, running: Iterable[Run]) -> str:
         steps = self._steps()
         names = ", ".join(f"{run.label} {_share(run):.0%}" for run in running)
         elapsed, done = time.monotonic() - self._start, steps - self._first
         if done <= 0:
             return names
-        left = elapsed / done * (self._total - steps) / 60
-        return f"{names}; {done / elapsed:.0f} steps/s, {left:.0f} min of training left"
+        return f"{names}; {done / elapsed:.0f} steps/s"
 
 
 def _check_schedule(run: Run) -> None:

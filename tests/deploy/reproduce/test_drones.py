@@ -93,7 +93,7 @@ def fill(root: Path, seed: int, swarm: float, estimator: str = "ppo") -> None:
 def test_claims_follow_from_the_flights(tmp_path: Path, swarm: float, good: bool) -> None:
     root = tmp_path / "runs"
     fill(root, 1, swarm)
-    options = Options(tmp_path / "out", 1, False, lambda text: None)
+    options = Options(tmp_path / "out", 1, False, lambda *far: None)
     options.out.mkdir()
     told: list[str] = []
     found = table.study(options, ["ppo"], 4 * 1024, root=root, tell=told.append)
@@ -115,7 +115,7 @@ def test_claims_are_about_the_mean_of_all_seeds(tmp_path: Path) -> None:
     root = tmp_path / "runs"
     fill(root, 1, 90.0)
     fill(root, 2, 30.0)
-    options = Options(tmp_path / "out", 2, False, lambda text: None)
+    options = Options(tmp_path / "out", 2, False, lambda *far: None)
     options.out.mkdir()
     found = table.study(options, ["ppo"], 4 * 1024, root=root, tell=lambda text: None)
     claims = {claim.what: claim for claim in found.claims}
@@ -139,7 +139,7 @@ def publish_to(out: Path, root: Path, estimators: list[str], beside: Path | None
             options, estimators, 4 * 1024, root=root, tell=lambda text: None, beside=kept
         )
 
-    options = Options(out, 1, False, lambda text: None)
+    options = Options(out, 1, False, lambda *far: None)
     publish("drones", study, options, False, Console(quiet=True))
 
 
@@ -173,7 +173,7 @@ def test_what_was_measured_otherwise_is_refused(
 ) -> None:
     fill(tmp_path, 1, 90.0, "ppo")
     publish_to(tmp_path / "out", tmp_path, ["ppo"], None)
-    options = Options(tmp_path / "out", seeds, False, lambda text: None)
+    options = Options(tmp_path / "out", seeds, False, lambda *far: None)
     kept = read(tmp_path / "out" / "drones.json")
     with pytest.raises(ConfigError, match=re.escape(text)):
         table.study(options, [], budget * 1024, flights, root=tmp_path, beside=kept)
@@ -182,7 +182,7 @@ def test_what_was_measured_otherwise_is_refused(
 def test_an_incomplete_record_is_refused_before_anything_is_trained(tmp_path: Path) -> None:
     fill(tmp_path, 1, 90.0, "ppo")
     publish_to(tmp_path / "out", tmp_path, ["ppo"], None)
-    options = Options(tmp_path / "out", 1, False, lambda text: None)
+    options = Options(tmp_path / "out", 1, False, lambda *far: None)
     whole = read(tmp_path / "out" / "drones.json")["ppo"]
     swarm, *alone = whole.runs
     grounded = {**swarm.flights, "indoor-techno": swarm.flights["indoor-techno"][:1]}
@@ -200,7 +200,7 @@ def test_an_incomplete_record_is_refused_before_anything_is_trained(tmp_path: Pa
 def test_the_kept_table_is_read_again(tmp_path: Path) -> None:
     kept = read(RESULTS / "drones.json")
     assert tuple(kept) == ESTIMATORS
-    findings = table.study(Options(tmp_path, 1, False, lambda text: None), [], beside=kept)
+    findings = table.study(Options(tmp_path, 1, False, lambda *far: None), [], beside=kept)
     page = (RESULTS / "drones.md").read_text()
     assert all(claim.ours in page for claim in findings.claims)
     bad = tmp_path / "bad.json"
@@ -230,7 +230,7 @@ def test_a_run_whose_step_has_fallen_is_not_taken_for_another_budget(
     learn(plan(tmp_path, "ppo", budget=10 * 1024, seed=1)[1], rounds=8)
     asked = plan(tmp_path, "ppo", budget * 1024, seed=1)[1]
     with pytest.raises(SwarmError) as error:
-        train([asked], 1, lambda text: None)
+        train([asked], 1, lambda *far: None)
     text = str(error.value)
     assert text.startswith(str(asked.folder.path))
     assert "begun for 10 rounds" in text

@@ -57,6 +57,6 @@ def test_a_partition_agrees_again_soon_after_its_parts_hear_each_other() -> None
 
 def test_without_root_one_line_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(namespaces, "why_not", lambda: "network namespaces need root")
-    options = Options(tmp_path, 1, True, lambda text: None)
+    options = Options(tmp_path, 1, True, lambda *far: None)
     with pytest.raises(SwarmError, match="network namespaces need root"):
         network.study(options, 4, FAULTS)
