@@ -29,6 +29,7 @@ class Dialect:
     name: str
     before_arming: Mode  # the mode to arm in
     guided: Mode  # the mode that obeys set points
+    takeoff: Mode  # the mode of a take-off that was commanded
     hold: Mode
     land: Mode
     takeoff_above_sea: bool  # what NAV_TAKEOFF's altitude counts from
@@ -55,6 +56,7 @@ PX4 = Dialect(
     name="px4",
     before_arming=(4, 3),
     guided=(6, 0),
+    takeoff=(4, 2),
     hold=(4, 3),
     land=(4, 6),
     takeoff_above_sea=True,
@@ -78,6 +80,7 @@ ARDUPILOT = Dialect(
     name="ardupilot",
     before_arming=(4, 0),
     guided=(4, 0),
+    takeoff=(4, 0),
     hold=(17, 0),
     land=(9, 0),
     takeoff_above_sea=False,

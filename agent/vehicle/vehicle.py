@@ -70,6 +70,7 @@ class Vehicle:
         self._key, self._record = key, record
         self._helm = Helm(self.limits, self.timing, f"vehicle on {connection}")
         self._dialect: Dialect | None = None
+        self._armed = False  # by us, and not yet seen on the ground again
         self._conversation: Conversation | None = None
 
     # -- life ----------------------------------------
@@ -128,8 +129,8 @@ class Vehicle:
 
     @property
     def ours(self) -> bool:
-        """Whether we fly it, a landing that safety insists on included: else leave it alone."""
-        return self._helm.steering and self._helm.taken is None
+        """Whether we fly it, from arming to the landing: else leave it alone."""
+        return self._helm.taken is None and (self._helm.steering or self._armed)
 
     @property
     def name(self) -> str:
@@ -196,11 +197,18 @@ class Vehicle:
         aim = height + (start.altitude if dialect.takeoff_above_sea else 0.0)
         nan = math.nan if dialect.takeoff_above_sea else 0.0
         talk.command("take off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, nan, nan, nan, aim)
+        own = {dialect.before_arming, dialect.takeoff, dialect.guided, dialect.hold}
         talk.await_(
-            lambda s: abs(start.position[2] - s.position[2] - height) < REACHED,
+            lambda s: (
+                abs(start.position[2] - s.position[2] - height) < REACHED
+                or dialect.mode(s.custom_mode) not in own
+            ),
             self.timing.takeoff,
             f"does not reach {height:g} m",
         )
+        if (mode := dialect.mode(self.state.custom_mode)) not in own:
+            self._helm.taken = f"{dialect.name_of(mode)}, chosen during the take-off"
+            self._check_ours()
         x, y, z = start.position
         self._begin((x, y, z - height))
 
@@ -218,6 +226,7 @@ class Vehicle:
                     told = True
                 self._talk.pause(ASK_AGAIN)
             else:
+                self._armed = True
                 return
 
     def take_over(self) -> bool:
@@ -340,12 +349,14 @@ class Vehicle:
         self._check_ours()
         if self.state.armed:
             raise VehicleError(f"{self.name} is not heard any more: it must land by itself")
+        self._armed = False
         self._release()
 
     def disarm(self) -> None:
         """Stop the rotors; refused in the air."""
         self._release()
         self._talk.command("disarm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+        self._armed = False
 
     def set_mode(self, mode: Mode) -> None:
         """Enter a mode, and see that it is reported."""

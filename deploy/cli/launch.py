@@ -11,7 +11,7 @@ from agent.config.experiment import load
 from agent.daemon.joining import fetch_config
 from agent.daemon.process import run_agent
 from agent.storage.runfolder import RunFolder
-from agent.storage.runs import RUNS
+from agent.storage.runs import RUNS, check_own_folder
 from deploy.cli.options import Chaos, Device, MaybeFile, Settings, on
 from deploy.process.logs import log_to
 from deploy.process.news import working
@@ -103,6 +103,8 @@ def agent(
     if config is not None:
         config.index(id_)
     name = config.name if config is not None else check_name("--join", join or "")
+    if run is not None:
+        check_own_folder("--run", run)
     folder = RunFolder(run or RUNS / name)
     stop, announced = threading.Event(), threading.Event()
 

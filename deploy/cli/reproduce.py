@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from agent.storage.runs import RUNS
+from agent.storage.runs import RUNS, check_own_folder
 from deploy.process.news import working
 from deploy.process.packages import needs
 from deploy.process.signals import StoppedError, stopping_at_signals
@@ -49,8 +49,10 @@ def run_studies(names: Iterable[str], seeds: int, quick: bool, out: Path, as_jso
 
     Raises:
         SwarmError: matplotlib is missing.
+        ConfigError: nothing can be written there.
     """
     _need_figures()
+    check_own_folder("--out", out)
     console, good, names = _console(), True, tuple(names)
     for k, name in enumerate(names, 1):
         study: Study = import_module(f"deploy.reproduce.{name}").study

@@ -9,7 +9,7 @@ Rerun is installed, ``flight.rrd``.
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -152,9 +152,10 @@ def fly_vehicle(plan: Plan, decide: Decide, news: News) -> Summary:
         film = _film(stack, plan.folder / "flight.rrd", scene, news.line)
 
         def tell(text: str) -> None:
-            news.line(text)
-            news.say(text)
-            film.say(text)
+            with suppress(OSError):  # nothing that is only said may keep a drone from landing
+                news.line(text)
+                news.say(text)
+                film.say(text)
 
         news.say(f"waiting for a vehicle on {plan.vehicle}")
         drone = stack.enter_context(

@@ -13,9 +13,10 @@ from rich.console import Console
 
 from agent.config.experiment import SwarmFile
 from agent.errors import CheckpointError
+from agent.storage.files import drafted
 from agent.storage.runfolder import RunFolder
 from deploy.policies.result import Result, print_result, read_result, score, write_result
-from swarm.errors import SwarmError
+from swarm.errors import ConfigError, SwarmError
 
 
 @contextmanager
@@ -58,8 +59,8 @@ def conclude(
         if not given_up:
             raise
     write_result(folder, result)
-    if record and not _recorded(folder, config):
-        console.print("recording: none (rerun-sdk is not installed)")
+    if record and (why := _record(folder, config)):
+        console.print(f"recording: none ({why})")
     print_result(result, console, folder)
     return result
 
@@ -89,11 +90,15 @@ def _ended(folder: RunFolder, config: SwarmFile) -> Result:
     )  # fmt: skip
 
 
-def _recorded(folder: RunFolder, config: SwarmFile) -> bool:
-    """Turn the run folder into a Rerun recording; False where rerun-sdk is not installed."""
+def _record(folder: RunFolder, config: SwarmFile) -> str:
+    """Turn the run folder into a Rerun recording; why there is none, empty where there is."""
     try:
         from deploy.viewer import record_run  # noqa: PLC0415
     except ImportError:
-        return False
-    record_run(folder, config, folder.recording)
-    return True
+        return "rerun-sdk is not installed"
+    try:
+        with drafted(folder.recording, durable=False) as draft:
+            record_run(folder, config, draft)
+    except (OSError, ConfigError) as error:  # a full disk costs the recording, not the result
+        return str(error)
+    return ""

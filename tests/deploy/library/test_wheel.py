@@ -56,7 +56,7 @@ def test_its_metadata_say_whose_it_is_and_how_it_may_be_used(unpacked: Path) -> 
     assert said["Keywords"]
     assert "Typing :: Typed" in said.get_all("Classifier", [])
     assert any(url.startswith("Paper") for url in said.get_all("Project-URL", []))
-    assert "swarm = deploy.cli.main:main" in (info / "entry_points.txt").read_text()
+    assert "swarm = deploy.cli.__main__:main" in (info / "entry_points.txt").read_text()
 
 
 @pytest.mark.parametrize(
