@@ -154,7 +154,7 @@ class Helm:
             return Chosen.BY_US
         if not state.failsafe:
             return Chosen.BY_A_PERSON
-        if mode in dialect.sticks and (
+        if (mode in dialect.sticks or mode == dialect.hold) and (
             self._held_since is not None or now - self._gap < self._timing.blame
         ):
             return Chosen.FOR_WANT_OF_US

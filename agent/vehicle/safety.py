@@ -7,9 +7,9 @@ ours: we asked for it        FLY                 HOLD, after ``timing.hold`` LAN
 a person's: nobody of us     SILENT              SILENT
   asked for it
 the autopilot's failsafe     SILENT              SILENT
-the same, wanting sticks,    HOLD, then LAND     HOLD, then LAND
-  after our set points had
-  stopped to arrive
+the same, holding or         HOLD, then LAND     HOLD, then LAND
+  wanting sticks, after our
+  set points had stopped
 ===========================  ==================  ================================================
 
 Silent means: no mode is asked for, no set point moves the drone, and it is said once who flies.
