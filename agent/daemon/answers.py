@@ -48,10 +48,11 @@ def status_of(life: Life, rounds: Rounds) -> AgentStatus:
     """How the agent is."""
     heard, report, machine = rounds.exchange.heard(), life.report, rounds.machine
     waiting = dict(machine.causes)
-    nearby = {
-        n: NeighbourStatus(round=heard[n][0], age=heard[n][1]) if n in heard else NeighbourStatus()
-        for n in machine.nearby
-    }
+    links = rounds.exchange.links.report()
+    nearby = {}
+    for n in machine.nearby:
+        round_, age = heard.get(n, (None, None))
+        nearby[n] = NeighbourStatus(round=round_, age=age, link=links.get(n))
     return AgentStatus(
         agent=rounds.agent,
         incarnation=machine.life,

@@ -46,6 +46,7 @@ from swarm.protocol.machine import Machine
 from swarm.protocol.messages import LARGEST, ParameterHeader, life_after
 from swarm.reports.history import serve_history
 from swarm.reports.telemetry import RoundReport, TelemetryPublisher
+from swarm.wire.allocator import settle_process
 from swarm.wire.keys import Keys
 from swarm.wire.payload import Layout
 from swarm.wire.refusals import Refusals
@@ -108,6 +109,7 @@ def run_agent(
     life = Life("waiting", first)
     endpoints = [config.endpoint(member) for member in config.members]
     listen = config.network.listen or endpoints[index]
+    settle_process()
     with ExitStack() as resources:
         resources.callback(learner.close)
         session = resources.enter_context(

@@ -16,10 +16,12 @@ from agent.config.experiment import SwarmFile
 from deploy.observe import crowd
 from deploy.observe.health import AgentFacts, SwarmStatus, missed
 from swarm.reports.telemetry import NeighbourStatus
+from swarm.wire.links import LinkReport
 
 PROBLEMS = 5  # lines about them on a screen
 SILENT = 12  # of the agents that do not answer, so many are named
-BESIDE = 10  # lines of all else: summary, headings, what is left out, weights
+EDGES = 8  # links on a screen, the fullest first
+BESIDE = 19  # lines of all else: summary, headings, what is left out, weights
 
 
 def picture(config: SwarmFile, status: SwarmStatus, height: int) -> RenderableType:
@@ -41,6 +43,7 @@ def picture(config: SwarmFile, status: SwarmStatus, height: int) -> RenderableTy
         _table(agents, status, named=len(config.members) <= crowd.MANY),
         *rest,
         Text(_weights(status.agents)),
+        *(Text(line) for line in _links(status.agents)),
         *(Text(problem, style="yellow") for problem in problems),
     )
 
@@ -101,6 +104,31 @@ def _nearby(neighbours: Mapping[str, NeighbourStatus], named: bool) -> str:
     if silent:
         return f"{len(neighbours)}, {len(silent)} never"
     return f"{len(neighbours)}, {_age(max(neighbours.values(), key=lambda heard: heard.age or 0))}"
+
+
+def _links(agents: Mapping[str, AgentFacts]) -> list[str]:
+    """Every edge's rate, latency, backlog and age, from either end; the fullest first, no flood."""
+    edges = [
+        (heard.link.backlog, f"{name} -> {other}: {describe(heard.link)}")
+        for name, facts in agents.items()
+        for other, heard in facts.neighbours.items()
+        if heard.link is not None
+    ]
+    shown = [line for _, line in sorted(edges, key=lambda edge: -edge[0])[:EDGES]]
+    more = len(edges) - len(shown)
+    return [*shown, *([f"and {more} more links"] if more else [])]
+
+
+def describe(link: LinkReport) -> str:
+    """A link in words."""
+    rate = "shared memory" if link.shared else "rate unknown"
+    if link.rate is not None and not link.shared:
+        rate = f"{link.rate / 1e6:.3g} Mbit/s"
+    latency = "" if link.latency is None else f", {link.latency * 1e3:.3g} ms"
+    age = "never" if link.age is None else f"{link.age:.1f} s ago"
+    again = f", {link.resent / 1e6:.2f} MB sent again" if link.resent else ""
+    lost = f", {link.undelivered} messages not delivered" if link.undelivered else ""
+    return f"{rate}{latency}, {link.backlog / 1e6:.2f} MB waiting, moved {age}{again}{lost}"
 
 
 def _age(heard: NeighbourStatus) -> str:

@@ -13,6 +13,7 @@ import msgspec
 import zenoh
 
 from swarm.wire.keys import Keys
+from swarm.wire.links import LinkReport
 
 RATE = 10.0  # [1/s] most round reports per agent
 FLIGHT_RATE = 4.0  # [1/s] most flight samples per agent; each may carry two pictures
@@ -113,10 +114,12 @@ class NeighbourStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, k
     """Attributes:
     round: newest round heard of.
     age: seconds since that message [s]; None before the first.
+    link: what the link to it carries; None before it was needed.
     """
 
     round: int | None = None
     age: float | None = None
+    link: LinkReport | None = None
 
 
 class AgentStatus(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

@@ -1,16 +1,26 @@
-"""What the C library is told about the memory of a process that speaks over Zenoh.
+"""What a process of ours that lives for Zenoh tells the C library and Zenoh about itself.
 
-Interface: :func:`share_arenas`, :func:`keep_freed_memory`; numbers from mallopt(3).  Not all C
-libraries can be told; then nothing happens.
+Interface: :func:`settle_process`, for the daemon, which owns its process; a library that opens a
+session leaves its host as it is.  Numbers from mallopt(3); not all C libraries can be told, then
+nothing happens.
 """
 
 import ctypes
+import os
 from functools import cache
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8
 ARENAS = 2
 MAPPED = 32 << 20  # [bytes] blocks from here on are the kernel's in any case
 KEPT = 64 << 20  # [bytes] free memory at most that is not given back
+
+
+def settle_process() -> None:
+    """All of it, before the first session is opened."""
+    # Threads that close the sockets of lost peers block; with too few, losses are seen late.
+    os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
+    share_arenas()
+    keep_freed_memory()
 
 
 @cache

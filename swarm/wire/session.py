@@ -9,20 +9,15 @@ message from being believed.
 """
 
 import json
-import os
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated, Any, Literal
 
-# Threads that close the sockets of lost peers block; with too few, losses are seen late.
-os.environ.setdefault("ZENOH_RUNTIME", "(rx: (worker_threads: 8))")
-
 import msgspec
 import zenoh
 
 from swarm.errors import NetworkError
-from swarm.wire.allocator import share_arenas
 from swarm.wire.endpoints import PORTS
 from swarm.wire.security import Party, Security
 
@@ -115,7 +110,6 @@ def open_session(
         NetworkError: it cannot be opened; most often the port is taken.
     """
     network.security.check(party.name)
-    share_arenas()
     try:
         session = zenoh.open(configuration(network, party, listen, connect))
     except zenoh.ZError as error:

@@ -61,7 +61,7 @@ def test_json_holds_facts_by_these_names() -> None:
         "neighbours", "rejected", "quarantined", "one_sided", "memory_mb", "pid", "incarnation",
     }  # fmt: skip
     assert told["silent"] == ("b",)
-    assert told["agents"]["a"]["neighbours"] == {"b": {"round": 7, "age": None}}
+    assert told["agents"]["a"]["neighbours"] == {"b": {"round": 7, "age": None, "link": None}}
 
 
 def lines(size: int, height: int, silent: int = 0) -> list[str]:
