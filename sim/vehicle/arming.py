@@ -5,6 +5,7 @@ Interface: :func:`unready`, :func:`arm`, :func:`disarm`; what they refuse they s
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -37,20 +38,24 @@ def unready(pilot: Autopilot) -> str | None:
     return None
 
 
-def arm(pilot: Autopilot) -> str | None:
-    """Arm; or say why not."""
+def arm(pilot: Autopilot, *, force: bool = False) -> str | None:
+    """Arm, by force without any check; or say why not."""
     if pilot.armed:
         return None
     reason = unready(pilot)
     if reason is None and not pilot.landed:
         reason = "not landed"
+    radius = pilot.parameters.limits.fence_radius
+    away = pilot.body.position - pilot.home_ned  # the home of the sortie before
+    if reason is None and not pilot.flavour.px4 and 0 < radius < math.hypot(*away[0:2]):
+        reason = "Vehicle breaching Circle fence"
     if reason is None and pilot.flavour.px4 and pilot.mode is Mode.GUIDED:
         reason = None if pilot.setpoint_age() <= OFFBOARD_RATE else "no offboard set points"
     if reason is None and pilot.mode in {Mode.LAND, Mode.RETURN}:
         reason = f"mode {pilot.mode.value} not armable"
     if reason is None and pilot.mode is Mode.MISSION and not pilot.missions.items:
-        reason = "no mission"
-    if reason is not None:
+        reason = "no mission" if pilot.flavour.px4 else "Mode requires mission"
+    if reason is not None and not force:
         head = "Arming denied" if pilot.flavour.px4 else "PreArm"
         pilot.say(f"{head}: {reason}", mavlink.MAV_SEVERITY_CRITICAL)
         return reason
@@ -59,6 +64,8 @@ def arm(pilot: Autopilot) -> str | None:
     pilot.body.impact = 0.0
     pilot.home_ned = pilot.body.position
     pilot.hold = setpoints.hold_at(pilot.body.position)
+    if pilot.mode is Mode.TAKEOFF:
+        pilot.climb = float(pilot.home_ned[2]) - pilot.takeoff_height
     return None
 
 

@@ -16,7 +16,7 @@ from sim.vehicle import guidance, inbox, setpoints, telemetry
 from sim.vehicle.arming import OFFBOARD_RATE, Sortie, unready
 from sim.vehicle.control import Speeds
 from sim.vehicle.dialect import Message, mavlink
-from sim.vehicle.flavours import Flavour, Mode
+from sim.vehicle.flavours import POSITION_CONTROL, Flavour, Mode
 from sim.vehicle.frames import Doubles, Geodetic, geodetic_from_ned
 from sim.vehicle.missions import MissionStore
 from sim.vehicle.parameters import Parameters
@@ -25,6 +25,7 @@ from sim.vehicle.steering import steer
 from sim.vehicle.telemetry import Streams, View
 from sim.vehicle.watch import watch
 
+FENCE_MARGIN = 2.0  # m, ArduPilot's FENCE_MARGIN: it stops that far inside
 ZURICH = Geodetic(47.397742, 8.545594, 488.0)  # where PX4's simulated vehicles stand
 
 
@@ -75,11 +76,13 @@ class Autopilot:
         self.hold: Doubles = setpoints.hold_at(body.position)
         self.setpoint: SetPoint | None = None
         self.climb: float | None = None  # z of the take-off under way [m]
+        self.takeoff_height = self.parameters.limits.takeoff_height  # m, of the one asked for
         self.heading = math.nan  # rad, asked for by CONDITION_YAW
         self.cruise: float | None = None  # m/s, asked for by DO_CHANGE_SPEED
         self.course = guidance.Course()  # how far the mission or the way home has got
         self.sortie = Sortie()
         self._slices = 0
+        self._texts = 0  # STATUSTEXTs so far
         self._energy = 1.0
         self._outbox: list[Message] = []
 
@@ -99,6 +102,11 @@ class Autopilot:
     def landed(self) -> bool:
         """On the ground, or at rest on something else."""
         return self.body.on_ground or (not self.armed and self.body.touching)
+
+    @property
+    def sinking(self) -> bool:
+        """Set points stopped on PX4: it reports position control, and comes down all the way."""
+        return self.mode is Mode.LAND and self.flavour.px4 and self.custom_mode == POSITION_CONTROL
 
     @property
     def battery(self) -> float:
@@ -147,6 +155,7 @@ class Autopilot:
             estimator=self.estimator,
             armable=unready(self) is None,
             failsafe=self.failsafe,
+            system=self.system,
         )
 
     def message(self, id_: int) -> Message | None:
@@ -161,8 +170,15 @@ class Autopilot:
         self._outbox += messages
 
     def say(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None:
-        """Send a STATUSTEXT with the next answer."""
-        self._outbox.append(mavlink.MAVLink_statustext_message(severity, text.encode()[:50]))
+        """Send a STATUSTEXT with the next answer, in chunks of 50 bytes."""
+        data = text.encode()
+        self._texts = self._texts % 0xFFFF + 1
+        for chunk, start in enumerate(range(0, len(data), 50)):
+            self._outbox.append(
+                mavlink.MAVLink_statustext_message(
+                    severity, data[start : start + 50], self._texts if len(data) > 50 else 0, chunk
+                )
+            )
 
     # -- messages in -------------------------------------------------------------------------------
 
@@ -191,10 +207,8 @@ class Autopilot:
         """Enter a mode (under the number that was asked for); or say why not."""
         if not self.estimator and mode is not Mode.MANUAL and not self.flavour.px4:
             return "no position estimate yet"
-        if mode is Mode.MISSION and not self.missions.items:
+        if mode is Mode.MISSION and self.armed and not self.missions.items:
             return "no mission"
-        if mode is Mode.TAKEOFF and not self.armed:
-            return "not armed"
         offboard = mode is Mode.GUIDED and self.flavour.px4
         if offboard and self.armed and self.setpoint_age() > OFFBOARD_RATE:
             return "no offboard set points"
@@ -217,8 +231,8 @@ class Autopilot:
 
     def take_off(self, height: float) -> str | None:
         """Climb to a height above home [m]; or say why not."""
-        if not self.armed:
-            return "not armed"
+        if not self.armed and not self.flavour.px4:
+            return ""
         if not self.landed and self.flavour.px4 is False:
             return "already flying"
         limit = self.parameters.limits.fence_height
@@ -227,7 +241,8 @@ class Autopilot:
         if not self.flavour.px4 and self.mode is not Mode.GUIDED:
             return "take-off needs GUIDED"
         self.enter(Mode.TAKEOFF if self.flavour.px4 else Mode.GUIDED)
-        self.climb = float(self.home_ned[2]) - height
+        self.takeoff_height = height
+        self.climb = float(self.home_ned[2]) - height if self.armed else None
         self.hold = setpoints.hold_at(self.body.position)
         return None
 
@@ -237,7 +252,7 @@ class Autopilot:
             return "not flying"
         limits = self.parameters.limits
         kept = setpoints.confine(
-            target, self.body.position, limits.fence_radius, limits.fence_height
+            target, self.body.position, self.home_ned, limits.fence_radius, limits.fence_height
         )
         if not np.allclose(kept[0:3], target[0:3]):
             return "beyond the fence"
@@ -249,6 +264,18 @@ class Autopilot:
                 self.enter(Mode.GUIDED)
             self.setpoint = SetPoint(target, self.now, moving=False)
         return None
+
+    def confine(self, target: Doubles) -> Doubles:
+        """The target (8,) inside the fence; on PX4 the fence acts when it is broken (``watch``)."""
+        limits = self.parameters.limits
+        radius = limits.fence_radius
+        if self.flavour.px4:
+            radius = 0.0
+        elif radius > 0:
+            radius = max(radius - FENCE_MARGIN, 0.1)
+        return setpoints.confine(
+            target, self.body.position, self.home_ned, radius, limits.fence_height
+        )
 
     def place(self, position: Doubles, yaw: float) -> None:
         """Be in the air there, at rest, armed and guided: how a training flight begins."""

@@ -21,6 +21,7 @@ from sim.vehicle.dialect import Message, mavlink
 if TYPE_CHECKING:
     from sim.vehicle.autopilot import Autopilot
 
+FAILED = mavlink.MAV_RESULT_FAILED
 ACCEPTED, UNSUPPORTED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_UNSUPPORTED
 PLACE = mavlink.MAV_CMD_USER_1  # lockstep only: be at x, y, z [m, NED], yaw [rad]; 7: seed
 
@@ -69,8 +70,11 @@ def _send(pilot: Autopilot, id_: int) -> None:
 
 def _set_interval(pilot: Autopilot, command: Command) -> None:
     id_, interval = command.whole(1), command.params[1]
-    if id_ not in telemetry.BUILDERS and id_ != mavlink.MAVLINK_MSG_ID_MISSION_CURRENT:
-        raise Refusal(UNSUPPORTED)
+    known = id_ in telemetry.BUILDERS or id_ == mavlink.MAVLINK_MSG_ID_MISSION_CURRENT
+    if pilot.flavour.px4 and (not known or id_ == mavlink.MAVLINK_MSG_ID_HEARTBEAT):
+        raise Refusal(FAILED)
+    if not known:
+        raise Refusal(DENIED, f"No ap_message for mavlink id ({id_})")
     if math.isnan(interval):
         raise Refusal(DENIED)
     seconds: float | None = interval * 1e-6

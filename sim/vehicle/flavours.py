@@ -34,6 +34,7 @@ class Flavour:
     modes: dict[int, Mode]  # custom_mode -> mode; the first of a mode is what it reports
     first_mode: Mode
     refusal: int  # MAV_RESULT of a command that the state forbids
+    force_arm: frozenset[int]  # param2 of COMPONENT_ARM_DISARM that arms without checks
     setpoint_timeout: str  # parameter
     estimator_seconds: float  # s after the start until the estimator has a position
     streams_at_start: bool  # whether telemetry flows before anybody asks
@@ -56,6 +57,8 @@ def px4_mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
+POSITION_CONTROL = px4_mode(3)  # POSCTL
+
 _COMMON_CAPABILITIES = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
@@ -73,15 +76,18 @@ PX4 = Flavour(
         px4_mode(4, 3): Mode.HOLD,
         px4_mode(1): Mode.MANUAL,
         px4_mode(2): Mode.HOLD,  # altitude and position control: nobody has the sticks
-        px4_mode(3): Mode.HOLD,
+        POSITION_CONTROL: Mode.HOLD,
         px4_mode(6): Mode.GUIDED,
         px4_mode(4, 2): Mode.TAKEOFF,
         px4_mode(4, 4): Mode.MISSION,
         px4_mode(4, 5): Mode.RETURN,
         px4_mode(4, 6): Mode.LAND,
+        px4_mode(4, 9): Mode.LAND,  # precision landing
+        px4_mode(7): Mode.MANUAL,  # STABILIZED
     },
     first_mode=Mode.HOLD,
     refusal=mavlink.MAV_RESULT_TEMPORARILY_REJECTED,
+    force_arm=frozenset({21196}),
     setpoint_timeout="COM_OF_LOSS_T",
     estimator_seconds=2.0,
     streams_at_start=True,
@@ -104,9 +110,11 @@ ARDUPILOT = Flavour(
         9: Mode.LAND,
         16: Mode.HOLD,  # POSHOLD
         17: Mode.HOLD,  # BRAKE
+        21: Mode.RETURN,  # SMART_RTL
     },
     first_mode=Mode.MANUAL,
     refusal=mavlink.MAV_RESULT_FAILED,
+    force_arm=frozenset({2989, 21196}),
     setpoint_timeout="GUID_TIMEOUT",
     estimator_seconds=5.0,  # the real one takes 20 to 40 s
     streams_at_start=False,

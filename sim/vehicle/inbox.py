@@ -41,11 +41,11 @@ def _for_us(pilot: Autopilot, message: Message) -> bool:
 
 def _dispatch(pilot: Autopilot, message: Message) -> None:
     if isinstance(message, SetPointMessage):
-        pilot.take(
-            setpoints.from_local(
-                message, pilot.flavour, pilot.body.position, pilot.body.attitude[2]
-            )
-        )
+        body = pilot.body
+        target = setpoints.from_local(message, pilot.flavour, body.position, body.attitude[2])
+        if target is None and pilot.flavour.px4:
+            pilot.say(setpoints.complaint(message), mavlink.MAV_SEVERITY_ERROR)
+        pilot.take(target)
         return
     kind = message.get_type()
     if kind in {"COMMAND_LONG", "COMMAND_INT"}:

@@ -13,8 +13,17 @@ from sim.vehicle.frames import Geodetic
 
 MISSION = mavlink.MAV_MISSION_TYPE_MISSION
 MOST_ITEMS = 1000
-ASK_AGAIN = 1.0  # s without the item that was asked for
-GIVE_UP = 5  # times
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long an upload waits for an item; as observed on the real stacks."""
+
+    again: float  # s, then it asks again
+    give_up: float  # s, then it ends
+
+
+PX4_PATIENCE, ARDUPILOT_PATIENCE = Patience(0.25, 5.0), Patience(1.0, 8.0)
 
 FLOWN = {
     mavlink.MAV_CMD_NAV_WAYPOINT,
@@ -81,6 +90,7 @@ class MissionStore:
         self.changed = False  # since the autopilot last looked
         self._flavour = flavour
         self._upload: _Upload | None = None
+        self._last: tuple[tuple[int, int], int] | None = None  # who uploaded, its last seq
 
     def handle(self, message: Message, now: float) -> list[Message]:
         """Replies to a message of the mission protocol; other messages get none."""
@@ -96,10 +106,13 @@ class MissionStore:
             return [mavlink.MAVLink_mission_count_message(*partner, count, type_)]
         if kind in {"MISSION_REQUEST_INT", "MISSION_REQUEST"}:
             if type_ != MISSION or message.seq >= len(self.items):
-                return [_ack(partner, mavlink.MAV_MISSION_INVALID_SEQUENCE, type_)]
+                return [_ack(partner, mavlink.MAV_MISSION_ERROR, type_)]
             return [self._item(partner, message.seq, integers=kind == "MISSION_REQUEST_INT")]
         if kind == "MISSION_CLEAR_ALL":
             if type_ in {MISSION, mavlink.MAV_MISSION_TYPE_ALL}:
+                if self._upload is not None and self._flavour.px4:
+                    return [_text("WPM: IGN CLEAR CMD: Busy")]
+                self._upload = self._last = None
                 self.items, self.current, self.changed = [], 0, True
             return [_ack(partner, mavlink.MAV_MISSION_ACCEPTED, type_)]
         if kind == "MISSION_SET_CURRENT":
@@ -110,11 +123,15 @@ class MissionStore:
     def advance(self, now: float) -> list[Message]:
         """Ask again for an item that did not come; in the end give up."""
         upload = self._upload
-        if upload is None or now - upload.asked < ASK_AGAIN:
+        patience = PX4_PATIENCE if self._flavour.px4 else ARDUPILOT_PATIENCE
+        if upload is None or now - upload.asked < patience.again:
             return []
-        if upload.tries >= GIVE_UP:
+        if upload.tries * patience.again >= patience.give_up:
             self._upload = None
-            return [_ack(upload.partner, mavlink.MAV_MISSION_OPERATION_CANCELLED, MISSION)]
+            if self._flavour.px4:
+                return [_text("Operation timeout")]
+            cancelled = _ack(upload.partner, mavlink.MAV_MISSION_OPERATION_CANCELLED, MISSION)
+            return [cancelled, _text("Mission upload timeout")]
         upload.asked, upload.tries = now, upload.tries + 1
         return [_request(upload)]
 
@@ -142,6 +159,9 @@ class MissionStore:
             if type_ == MISSION:
                 self.items, self.current, self.changed = [], 0, True
             return [_ack(partner, mavlink.MAV_MISSION_ACCEPTED, type_)]
+        if self._upload is not None and self._upload.items and self._flavour.px4:
+            text = _text("WPM: IGN MISSION_COUNT: Busy")
+            return [text, _ack(partner, mavlink.MAV_MISSION_ERROR, MISSION)]
         self._upload = _Upload(partner, count, [], now)
         return [_request(self._upload)]
 
@@ -149,6 +169,11 @@ class MissionStore:
         self, partner: tuple[int, int], message: Message, type_: int, now: float
     ) -> list[Message]:
         upload = self._upload
+        if type_ == MISSION and upload is None and self._last == (partner, message.seq):
+            again = mavlink.MAV_MISSION_ACCEPTED if self._flavour.px4 else mavlink.MAV_MISSION_ERROR
+            return [_ack(partner, again, MISSION)]
+        if type_ == MISSION and upload is None and not self._flavour.px4:
+            return [_ack(partner, mavlink.MAV_MISSION_ERROR, MISSION)]
         if upload is None or upload.partner != partner or type_ != MISSION:
             return []
         if message.seq != len(upload.items):
@@ -162,7 +187,7 @@ class MissionStore:
         upload.asked, upload.tries = now, 1
         if len(upload.items) < upload.count:
             return [_request(upload)]
-        self._upload = None
+        self._upload, self._last = None, (partner, message.seq)
         self.items, self.current, self.changed = upload.items, 0, True
         return [_ack(partner, mavlink.MAV_MISSION_ACCEPTED, MISSION), self.current_message()]
 
@@ -204,6 +229,10 @@ def parse(message: Message) -> tuple[Item | None, int]:
 
 def _request(upload: _Upload) -> Message:
     return mavlink.MAVLink_mission_request_int_message(*upload.partner, len(upload.items), MISSION)
+
+
+def _text(words: str) -> Message:
+    return mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_ERROR, words.encode())
 
 
 def _ack(partner: tuple[int, int], result: int, type_: int) -> Message:

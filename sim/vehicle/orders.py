@@ -32,7 +32,7 @@ def arm_or_disarm(pilot: Autopilot, command: Command) -> None:
     if wanted not in {0, 1}:
         raise Refusal(DENIED)
     if wanted:
-        if arm(pilot) is not None:  # which says why itself
+        if arm(pilot, force=command.params[1] in pilot.flavour.force_arm) is not None:
             raise Refusal(pilot.flavour.refusal)
     elif not disarm(pilot, force=command.params[1] == MAGIC_FORCE):
         raise Refusal(pilot.flavour.refusal)
@@ -85,8 +85,10 @@ def set_mode(pilot: Autopilot, command: Command) -> None:
 def enter(pilot: Autopilot, number: int) -> None:
     """Enter the mode behind a custom_mode."""
     mode = pilot.flavour.mode(number)
+    if mode is None and pilot.flavour.px4:
+        return  # accepted, and nothing changes
     if mode is None:
-        raise Refusal(DENIED, f"no mode {number}")
+        raise Refusal(pilot.flavour.refusal, f"No such mode {number}")
     require(pilot, pilot.change_mode(mode, number))
 
 
@@ -133,8 +135,13 @@ def turn(pilot: Autopilot, command: Command) -> None:
 def mission_start(pilot: Autopilot, command: Command) -> None:
     """MISSION_START."""
     del command
-    if not pilot.armed:
-        require(pilot, "not armed")
+    if pilot.flavour.px4:
+        if not pilot.missions.items:
+            raise Refusal(DENIED, "Mission start denied! No valid mission")
+        if not pilot.armed:
+            if arm(pilot) is not None:
+                raise Refusal(pilot.flavour.refusal)
+            pilot.say("Armed by mission start")
     require(pilot, pilot.change_mode(Mode.MISSION))
 
 
@@ -154,7 +161,9 @@ def put(pilot: Autopilot, command: Command) -> None:
     if not np.all(np.abs(place) < setpoints.FARTHEST) or not abs(yaw) < setpoints.FARTHEST:
         raise Refusal(DENIED)
     target = setpoints.hold_at(place)
-    kept = setpoints.confine(target, place, limits.fence_radius, limits.fence_height)
+    kept = setpoints.confine(
+        target, place, pilot.home_ned, limits.fence_radius, limits.fence_height
+    )
     if not np.allclose(kept[0:3], place):
         raise Refusal(DENIED, "beyond the fence")
     if not math.isnan(command.z):  # what is chance in the flight that begins

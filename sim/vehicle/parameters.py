@@ -32,7 +32,7 @@ _PX4 = {
     "BAT_CRIT_THR": Parameter(0.07, 0.0, 0.5),
     "COM_DISARM_LAND": Parameter(2.0, -1.0, 20.0),
     "COM_DISARM_PRFLT": Parameter(10.0, -1.0, 600.0),
-    "COM_OBL_RC_ACT": Parameter(5, 3, 5),  # 3 return, 4 land, 5 hold (PX4's own default is 0)
+    "COM_OBL_RC_ACT": Parameter(5, 0, 255),  # 0 sinks (PX4's default), 3 return, 4 land, else hold
     "COM_OF_LOSS_T": Parameter(1.0, 0.0, 60.0),
     "GF_MAX_HOR_DIST": Parameter(0.0, 0.0, 10_000.0),
     "GF_MAX_VER_DIST": Parameter(0.0, 0.0, 10_000.0),

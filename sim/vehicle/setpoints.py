@@ -1,7 +1,9 @@
 """What a set point means: type_mask, frame, NaN; pure functions from a message to a target.
 
-A set bit of type_mask ignores its field.  PX4 masks axis by axis, ArduPilot ignores a whole group
-(position, velocity, acceleration) when one of its bits is set.  A NaN in an ignored field is fine;
+A set bit of type_mask ignores its field.  PX4 takes x and y only together, ArduPilot ignores a
+whole group (position, velocity, acceleration) when one of its bits is set.  The yaw of a body frame
+is absolute on PX4; on ArduPilot it counts from the heading at every message.  A NaN in an ignored
+field is fine;
 a NaN yaw keeps the heading; on PX4 a NaN axis counts as ignored; on ArduPilot a NaN in use refuses
 the set point.  A target is what ``control`` flies, see there.
 
@@ -74,7 +76,18 @@ def from_local(message: Message, flavour: Flavour, position: Doubles, yaw: float
     if frame != LOCAL_NED:
         target[0:3] += position
     target[3:6] = speeds
-    return _with_yaw(target, message, yaw if frame in {BODY_NED, BODY_OFFSET} else 0.0, flavour)
+    turned = not flavour.px4 and frame in {BODY_NED, BODY_OFFSET}
+    return _with_yaw(target, message, yaw if turned else 0.0, flavour)
+
+
+def complaint(message: Message) -> str:
+    """What PX4 says to a SET_POSITION_TARGET_LOCAL_NED that it refuses, word by word."""
+    head = "SET_POSITION_TARGET_LOCAL_NED"
+    if message.coordinate_frame not in {LOCAL_NED, BODY_NED}:
+        return f"{head} coordinate frame {message.coordinate_frame} unsupported"
+    if message.type_mask & FORCE and message.type_mask & ACCELERATION != ACCELERATION:
+        return f"{head} force not supported"
+    return f"{head} invalid"
 
 
 def from_global(
@@ -122,6 +135,8 @@ def _group(values: Triple, mask: int, flavour: Flavour) -> Triple | None:
     bits = mask & 0b111
     if not flavour.px4 and bits:
         bits = 0b111
+    elif bits & 0b011:
+        bits |= 0b011
     used = [NAN if bits >> axis & 1 else value for axis, value in enumerate(values)]
     if any(math.isinf(value) or abs(value) > FARTHEST for value in used):
         return None
@@ -144,23 +159,26 @@ def _with_yaw(target: Doubles, message: Message, base: float, flavour: Flavour) 
     return target
 
 
-def confine(target: Doubles, position: Doubles, radius: float, height: float) -> Doubles:
-    """The target, kept inside a cylinder around the origin; what leads out slows down and stops.
+def confine(
+    target: Doubles, position: Doubles, home: Doubles, radius: float, height: float
+) -> Doubles:
+    """The target, kept inside a cylinder around home; what leads out slows down and stops.
 
     Args:
         target: (8,) see ``control``.
         position: (3,) where the vehicle is, NED [m].
+        home: (3,) its centre, NED [m].
         radius: of the fence [m]; 0: none.
-        height: of the fence above the origin [m]; 0: none.
+        height: of the fence above home [m]; 0: none.
     """
     kept = target.copy()
     if radius > 0:
-        away = math.hypot(kept[0], kept[1])
+        away = math.hypot(kept[0] - home[0], kept[1] - home[1])
         if away > radius:
-            kept[0:2] *= radius / away
-        here = math.hypot(position[0], position[1])
+            kept[0:2] = home[0:2] + (kept[0:2] - home[0:2]) * radius / away
+        here = math.hypot(position[0] - home[0], position[1] - home[1])
         if here > 1e-6:
-            outward = position[0:2] / here
+            outward = (position[0:2] - home[0:2]) / here
             speed = float(np.nan_to_num(kept[3:5]) @ outward)
             if math.isnan(kept[0]) or math.isnan(kept[1]):
                 allowed = radius - here  # 1/s times metres: slows down towards the fence
@@ -170,7 +188,7 @@ def confine(target: Doubles, position: Doubles, radius: float, height: float) ->
                 kept[3:5] -= speed * outward
     if height > 0:
         if not math.isnan(kept[2]):
-            kept[2] = max(kept[2], -height)
+            kept[2] = max(kept[2], home[2] - height)
         if kept[5] < 0:
-            kept[5] = max(kept[5], min(0.0, -(height + position[2])))
+            kept[5] = max(kept[5], min(0.0, -(height + position[2] - home[2])))
     return kept

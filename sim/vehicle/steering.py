@@ -44,15 +44,15 @@ def steer(pilot: Autopilot) -> tuple[Doubles | None, Speeds]:
         speeds = Speeds(limits.speed, limits.up, limits.down)
     elif pilot.mode is Mode.LAND:
         target = guidance.descend(pilot.hold, pilot.body, limits, pilot.home_ned)
+        if pilot.sinking:
+            target[5] = limits.landing
     elif pilot.mode is Mode.RETURN:
         target = guidance.go_home(pilot.course, pilot.hold, pilot.body, limits, pilot.home_ned)
     elif pilot.mode is Mode.MISSION:
         target = _fly_mission(pilot, limits)
     else:
         target = pilot.hold
-    fenced = setpoints.confine(
-        target, pilot.body.position, limits.fence_radius, limits.fence_height
-    )
+    fenced = pilot.confine(target)
     if math.isnan(fenced[6]) and math.isnan(fenced[7]):
         fenced[6] = pilot.heading
     return fenced, speeds

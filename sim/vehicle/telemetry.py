@@ -13,7 +13,7 @@ from sim.vehicle.dialect import Message, mavlink
 from sim.vehicle.flavours import Flavour, Mode
 from sim.vehicle.frames import Doubles, Geodetic, geodetic_from_ned
 
-SHORTEST = 0.02  # s, no stream is faster
+SHORTEST = 0.001  # s; what is faster than a slice of time goes out once a slice
 CELLS, FULL, EMPTY = 3, 4.2, 3.5  # a lithium pack: cells, V per cell; guesses of the right size
 HOVER_CURRENT = 12.0  # A, a guess
 BOOT_TIME = 1_767_225_600  # s, 2026-01-01: SYSTEM_TIME runs on simulation time from here
@@ -54,6 +54,7 @@ class View:
     estimator: bool  # whether it has a position
     armable: bool
     failsafe: bool
+    system: int
 
     @property
     def ms(self) -> int:
@@ -105,13 +106,15 @@ def heartbeat(view: View) -> Message:
 
 
 def _sys_status(view: View) -> Message:
-    health = _SENSORS
+    health = present = _SENSORS
+    if view.flavour.px4:
+        present &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK  # it is only ever in health
     if not view.armable and not view.armed:
         health &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     if not view.estimator:
         health &= ~(mavlink.MAV_SYS_STATUS_AHRS | mavlink.MAV_SYS_STATUS_SENSOR_GPS)
     return mavlink.MAVLink_sys_status_message(
-        _SENSORS, _SENSORS, health, 300, round(_volts(view) * 1000), round(_amperes(view) * 100),
+        present, present, health, 300, round(_volts(view) * 1000), round(_amperes(view) * 100),
         round(view.battery * 100), 0, 0, 0, 0, 0, 0,
     )  # fmt: skip
 
@@ -200,7 +203,7 @@ def _vfr_hud(view: View) -> Message:
 def _version(view: View) -> Message:
     flavour = view.flavour
     return mavlink.MAVLink_autopilot_version_message(
-        flavour.capabilities, flavour.version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, 1
+        flavour.capabilities, flavour.version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, view.system
     )
 
 

@@ -6,11 +6,12 @@ after a landing, on the ground or on whatever bars the way down.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from sim.vehicle.arming import disarm
 from sim.vehicle.dialect import mavlink
-from sim.vehicle.flavours import Mode
+from sim.vehicle.flavours import POSITION_CONTROL, Mode
 
 if TYPE_CHECKING:
     from sim.vehicle.autopilot import Autopilot
@@ -40,8 +41,29 @@ def watch(pilot: Autopilot) -> None:
     offboard = pilot.mode is Mode.GUIDED and pilot.flavour.px4
     if offboard and pilot.setpoint_age() > limits.setpoint_timeout:
         pilot.say("Offboard set points lost", mavlink.MAV_SEVERITY_CRITICAL)
-        action = {3: Mode.RETURN, 4: Mode.LAND}.get(int(pilot.parameters["COM_OBL_RC_ACT"]))
-        pilot.enter(action or Mode.HOLD)
+        action = int(pilot.parameters["COM_OBL_RC_ACT"])
+        if action == 0:  # position control, without sticks: it sinks
+            pilot.say("Failsafe activated", mavlink.MAV_SEVERITY_CRITICAL)
+            pilot.failsafe = True
+            pilot.enter(Mode.LAND)
+            pilot.custom_mode = POSITION_CONTROL
+        else:
+            pilot.enter({3: Mode.RETURN, 4: Mode.LAND}.get(action, Mode.HOLD))
+    _fence(pilot)
+
+
+def _fence(pilot: Autopilot) -> None:
+    """PX4 flies what it is told up to the fence around home, and holds once it is beyond."""
+    radius = pilot.parameters.limits.fence_radius
+    north, east = (pilot.body.position - pilot.home_ned)[0:2]
+    if not pilot.flavour.px4 or radius <= 0 or math.hypot(north, east) <= radius:
+        return
+    if pilot.mode in {Mode.HOLD, Mode.RETURN, Mode.LAND}:
+        return
+    pilot.say("Geofence: exceeding maximum distance to Home", mavlink.MAV_SEVERITY_CRITICAL)
+    pilot.say("Failsafe activated", mavlink.MAV_SEVERITY_CRITICAL)
+    pilot.failsafe = True
+    pilot.enter(Mode.HOLD)
 
 
 def _down(pilot: Autopilot) -> bool:

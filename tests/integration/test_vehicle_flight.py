@@ -318,8 +318,9 @@ def test_a_refusal_says_why_in_one_line(options: Options) -> None:
     with Vehicle(f"udpin:{HOST}:{options.port}", Timing(ready=1.0)) as drone:
         with pytest.raises(VehicleError, match="take-off to 1000 m: expected"):
             drone.take_off(1000.0)
-        with pytest.raises(RefusedError, match=r"refuses to take off.*not armed") as refusal:
-            drone._talk.command("take off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, 490.0)
+        with pytest.raises(RefusedError, match=r"refuses to go there.*not flying") as refusal:
+            here = mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, 0, math.nan, math.nan, 490.0
+            drone._talk.command("go there", *here)
         assert "\n" not in str(refusal.value)
 
 

@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from sim.vehicle.codec import LocalPosition
+from sim.vehicle.codec import LocalPosition, SetPointMessage
 from sim.vehicle.dialect import mavlink
 from sim.vehicle.flavours import ARDUPILOT, PX4, Flavour, Mode
 from sim.vehicle.frames import Doubles
@@ -74,13 +74,19 @@ def test_ardupilot_streams_only_when_asked() -> None:
     assert kinds(cockpit.wait(5.0)) == {"HEARTBEAT"}
 
 
-def test_message_intervals_and_requests(cockpit: Cockpit) -> None:
+def test_message_intervals_and_requests(cockpit: Cockpit, flavour: Flavour) -> None:
     cockpit.wait(6.0)
     assert cockpit.command(511, 32, 100_000) == ACCEPTED
     assert sum(isinstance(m, LocalPosition) for m in cockpit.wait(5.0)) == pytest.approx(50, abs=1)
     assert cockpit.command(511, 32, -1) == ACCEPTED
     assert not any(isinstance(m, LocalPosition) for m in cockpit.wait(1.0))
-    assert cockpit.command(511, 9999, 1000) == UNSUPPORTED
+    assert cockpit.command(511, 9999, 1000) == (FAILED if flavour.px4 else DENIED)
+    assert cockpit.command(511, 0, 1000) == (FAILED if flavour.px4 else ACCEPTED)
+    assert cockpit.command(511, 30, 5000) == ACCEPTED
+    asked = mavlink.MAVLink_command_long_message(1, 1, 510, 0, 30, 0, 0, 0, 0, 0, 0)
+    assert [m.interval_us for m in cockpit.tell(asked) if m.get_type() == "MESSAGE_INTERVAL"] == [
+        5000
+    ]
     assert cockpit.command(511, NAN, 1000) == DENIED
     assert cockpit.command(511, 32, NAN) == DENIED
     for id_, kind in ((148, "AUTOPILOT_VERSION"), (242, "HOME_POSITION"), (30, "Attitude")):
@@ -118,10 +124,98 @@ def test_nothing_flies_before_the_estimator_is_ready(cockpit: Cockpit, flavour: 
     assert cockpit.command(ARM, 1) == ACCEPTED
 
 
-def test_takeoff_is_refused_while_disarmed(cockpit: Cockpit, flavour: Flavour) -> None:
+def test_takeoff_while_disarmed(cockpit: Cockpit, flavour: Flavour) -> None:
+    """PX4 takes it and waits for arming, as QGroundControl does it; ArduPilot fails silently."""
     cockpit.wait(6.0)
-    refused = TEMPORARILY_REJECTED if flavour.px4 else FAILED
-    assert cockpit.command(TAKEOFF, 0, 0, 0, 0, 0, 0, 490.0) == refused
+    message = mavlink.MAVLink_command_long_message(1, 1, TAKEOFF, 0, 0, 0, 0, 0, 0, 0, 491.0)
+    replies = cockpit.tell(message)
+    assert result_of(replies) == (ACCEPTED if flavour.px4 else FAILED)
+    assert kinds(replies) == {"COMMAND_ACK"}
+    assert not cockpit.pilot.armed
+    if flavour.px4:
+        assert cockpit.pilot.mode is Mode.TAKEOFF
+        assert cockpit.command(ARM, 1) == ACCEPTED
+        cockpit.wait(6.0)
+        assert -cockpit.body.position[2] == pytest.approx(3.05, abs=0.3)
+
+
+def test_modes_while_disarmed(cockpit: Cockpit, flavour: Flavour) -> None:
+    cockpit.wait(6.0)
+    numbers = (
+        [(4, 2), (4, 4), (6, 0), (4, 5), (4, 6), (3, 0), (2, 0), (1, 0), (7, 0), (4, 9)]
+        if flavour.px4
+        else [(number, 0) for number in (3, 4, 5, 6, 9, 17, 2, 21)]
+    )
+    for main, sub in numbers:
+        assert cockpit.command(SET_MODE, 1, main, sub) == ACCEPTED
+        assert cockpit.pilot.custom_mode == (main << 16 | sub << 24 if flavour.px4 else main)
+        assert not cockpit.pilot.armed
+
+
+def test_mission_start_while_disarmed(cockpit: Cockpit, flavour: Flavour) -> None:
+    cockpit.wait(6.0)
+    assert cockpit.command(300) == (DENIED if flavour.px4 else ACCEPTED)
+    assert not cockpit.pilot.armed
+    assert (cockpit.pilot.mode is Mode.MISSION) is not flavour.px4
+
+
+def test_arming_by_force_asks_for_nothing(cockpit: Cockpit, flavour: Flavour) -> None:
+    assert cockpit.command(ARM, 1, 5) == flavour.refusal
+    assert cockpit.command(ARM, 1, 21196) == ACCEPTED
+    assert cockpit.pilot.armed
+
+
+def test_the_ready_bit_and_the_uid() -> None:
+    for flavour in (PX4, ARDUPILOT):
+        cockpit = Cockpit(flavour, system=7)
+        cockpit.wait(6.0)
+        status, version = cockpit.pilot.message(1), cockpit.pilot.message(148)
+        assert status is not None
+        assert version is not None
+        bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+        assert status.onboard_control_sensors_health & bit
+        assert bool(status.onboard_control_sensors_present & bit) is not flavour.px4
+        assert version.uid == 7
+
+
+def test_the_yaw_of_a_body_frame(flying: Cockpit, flavour: Flavour) -> None:
+    """PX4: absolute.  ArduPilot: from the heading at every message, so the nose goes on."""
+    flying.stream(4.0, VELOCITY_YAW, yaw=1.0)
+    flying.stream(4.0, VELOCITY_YAW, frame=8, yaw=0.5)
+    turned = flying.body.attitude[2] % (2 * math.pi)
+    assert (turned == pytest.approx(0.5, abs=0.05)) is flavour.px4
+
+
+def test_px4_says_what_it_refuses() -> None:
+    cockpit = Cockpit(PX4)
+    cockpit.fly()
+    for frame, mask, words in (
+        (9, VELOCITY_YAW, "coordinate frame 9 unsupported"),
+        (1, 4095, "invalid"),
+        (8, POSITION_YAW, "invalid"),
+        (1, 0x0C3F | 1 << 9, "force not supported"),
+    ):
+        fields = (0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, mask, 1, 1, frame)
+        said = cockpit.tell(SetPointMessage._make(fields))
+        text = "".join(m.text for m in said)
+        assert text == f"SET_POSITION_TARGET_LOCAL_NED {words}"
+
+
+def test_x_and_y_count_only_together(flying: Cockpit) -> None:
+    flying.stream(3.0, VELOCITY_YAW | 1 << 4, v=(1, 1, 0))
+    assert abs(flying.body.position[0]) < 0.1
+
+
+def test_px4_at_its_own_default_sinks_when_set_points_stop() -> None:
+    cockpit = Cockpit(PX4)
+    cockpit.fly(6.0)
+    assert cockpit.pilot.parameters.set("COM_OBL_RC_ACT", 0)
+    cockpit.stream(2.0, VELOCITY_YAW, v=(0.7, 0, 0))
+    cockpit.wait(2.5)
+    beat = cockpit.pilot.message(0)
+    assert beat is not None
+    assert (beat.custom_mode, beat.system_status) == (3 << 16, mavlink.MAV_STATE_CRITICAL)
+    assert cockpit.body.velocity[2] == pytest.approx(0.7, abs=0.1)
 
 
 def test_takeoff_altitude_counts_from_where_the_flavour_says() -> None:
@@ -271,7 +365,10 @@ def test_unknown_commands_and_modes(cockpit: Cockpit) -> None:
     cockpit.wait(6.0)
     assert cockpit.command(12345) == UNSUPPORTED
     assert cockpit.command(31010, 1, 2, 3, 0) == UNSUPPORTED  # placing is for lockstep
-    assert cockpit.command(SET_MODE, 1, 77, 77) == DENIED
+    before = cockpit.pilot.custom_mode
+    known = ACCEPTED if cockpit.pilot.flavour.px4 else FAILED
+    assert cockpit.command(SET_MODE, 1, 77, 77) == known
+    assert cockpit.pilot.custom_mode == before
     assert cockpit.command(SET_MODE, 0, 4) == DENIED
     assert cockpit.command(ARM, 7) == DENIED
     assert cockpit.command(ARM, NAN) == DENIED
@@ -325,11 +422,33 @@ def test_the_fence_and_the_speed_limit_hold(flavour: Flavour, flying: Cockpit) -
         flying.wait(0.1)
         fastest = max(fastest, float(np.hypot(*flying.body.velocity[:2])))
     assert fastest < 2.15
-    assert np.hypot(*flying.body.position[:2]) < 5.2
     assert -flying.body.position[2] < 4.2
-    flying.stream(4.0, POSITION_YAW, p=(50, 0, -50))
-    assert np.hypot(*flying.body.position[:2]) < 5.2
-    assert -flying.body.position[2] < 4.2
+    away = float(np.hypot(*flying.body.position[:2]))
+    beat = flying.pilot.message(0)
+    assert beat is not None
+    if flavour.px4:  # it flies until the fence is broken, then holds
+        assert 5.0 < away < 6.5
+        assert flying.pilot.mode is Mode.HOLD
+        assert beat.system_status == mavlink.MAV_STATE_CRITICAL
+    else:  # it slows down and stops a margin of 2 m inside
+        assert away == pytest.approx(3.0, abs=0.2)
+        assert flying.pilot.mode is Mode.GUIDED
+
+
+def test_the_fence_is_around_the_place_of_arming(flavour: Flavour) -> None:
+    cockpit = Cockpit(flavour)
+    cockpit.body.place(30.0, 0.0, cockpit.body.state[2], 0.0, flying=False)
+    cockpit.wait(6.0)
+    name = "GF_MAX_HOR_DIST" if flavour.px4 else "FENCE_RADIUS"
+    if not flavour.px4:  # it compares with the home that it had
+        assert cockpit.pilot.parameters.set(name, 10.0)
+        assert cockpit.command(ARM, 1) == FAILED
+        assert cockpit.pilot.parameters.set(name, 0.0)
+    cockpit.fly()
+    assert cockpit.pilot.parameters.set(name, 10.0)
+    cockpit.stream(4.0, VELOCITY_YAW, v=(1, 0, 0))
+    assert cockpit.body.position[0] > 32.0
+    assert cockpit.pilot.mode is Mode.GUIDED
 
 
 def test_an_empty_battery_lands_and_keeps_from_arming(flying: Cockpit) -> None:

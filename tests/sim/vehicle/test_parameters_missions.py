@@ -82,7 +82,7 @@ def test_upload_download_clear(flavour: Flavour) -> None:
         (back,) = cockpit.tell(mavlink.MAVLink_mission_request_int_message(1, 1, seq, 0))
         assert (back.seq, back.command, back.x, back.y) == (seq, sent.command, sent.x, sent.y)
     (bad,) = cockpit.tell(mavlink.MAVLink_mission_request_int_message(1, 1, 4, 0))
-    assert bad.type == mavlink.MAV_MISSION_INVALID_SEQUENCE
+    assert bad.type == mavlink.MAV_MISSION_ERROR
     (current,) = cockpit.tell(mavlink.MAVLink_mission_set_current_message(1, 1, 2))
     assert current.seq == 2
     (ack,) = cockpit.tell(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
@@ -106,11 +106,45 @@ def test_refused_missions_leave_the_old_one(flavour: Flavour) -> None:
 def test_an_upload_that_stalls_is_asked_for_again_then_cancelled(flavour: Flavour) -> None:
     cockpit = Cockpit(flavour)
     cockpit.tell(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
-    said = [m for m in cockpit.wait(8.0) if not isinstance(m, tuple)]
+    said = [m for m in cockpit.wait(10.0) if not isinstance(m, tuple)]
     asked = [m for m in said if m.get_type() == "MISSION_REQUEST_INT"]
     acks = [m for m in said if m.get_type() == "MISSION_ACK"]
-    assert [m.seq for m in asked] == [0] * 4
-    assert [m.type for m in acks] == [mavlink.MAV_MISSION_OPERATION_CANCELLED]
+    assert [m.seq for m in asked] == [0] * (19 if flavour.px4 else 7)
+    cancelled = [] if flavour.px4 else [mavlink.MAV_MISSION_OPERATION_CANCELLED]
+    assert [m.type for m in acks] == cancelled
+    text = "Operation timeout" if flavour.px4 else "Mission upload timeout"
+    assert [m.text for m in said if m.get_type() == "STATUSTEXT"] == [text]
+
+
+def test_the_last_item_again_after_the_ack(flavour: Flavour) -> None:
+    cockpit = Cockpit(flavour)
+    only = item(0, WAYPOINT, 5, 3.0, cockpit)
+    assert upload(cockpit, [only]) == 0
+    for _ in range(2):
+        (ack,) = cockpit.tell(only)
+        assert ack.type == (0 if flavour.px4 else mavlink.MAV_MISSION_ERROR)
+
+
+def test_clearing_during_an_upload(flavour: Flavour) -> None:
+    """PX4 is busy, and the upload goes on; ArduPilot ends it and has no mission."""
+    cockpit = Cockpit(flavour)
+    only = item(0, WAYPOINT, 5, 3.0, cockpit)
+    assert upload(cockpit, [only]) == 0
+    cockpit.tell(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
+    (answer,) = cockpit.tell(mavlink.MAVLink_mission_clear_all_message(1, 1, 0))
+    assert answer.get_type() == ("STATUSTEXT" if flavour.px4 else "MISSION_ACK")
+    assert len(cockpit.pilot.missions.items) == (1 if flavour.px4 else 0)
+    (answer,) = cockpit.tell(only)
+    assert answer.get_type() == ("MISSION_REQUEST_INT" if flavour.px4 else "MISSION_ACK")
+
+
+def test_a_count_in_the_middle_of_an_upload_is_refused_by_px4() -> None:
+    cockpit = Cockpit(PX4)
+    cockpit.tell(mavlink.MAVLink_mission_count_message(1, 1, 2, 0))
+    cockpit.tell(item(0, WAYPOINT, 5, 3.0, cockpit))
+    text, ack = cockpit.tell(mavlink.MAVLink_mission_count_message(1, 1, 1, 0))
+    assert text.text == "WPM: IGN MISSION_COUNT: Busy"
+    assert ack.type == mavlink.MAV_MISSION_ERROR
 
 
 def test_a_mission_is_flown_item_by_item(flavour: Flavour) -> None:
@@ -142,6 +176,22 @@ def test_a_mission_is_flown_item_by_item(flavour: Flavour) -> None:
     assert cockpit.body.on_ground
     assert not cockpit.pilot.armed
     assert cockpit.body.position[0] == pytest.approx(3.0, abs=0.6)
+
+
+def test_mission_start_arms_px4_and_not_ardupilot(flavour: Flavour) -> None:
+    cockpit = Cockpit(flavour)
+    cockpit.wait(6.0)
+    assert upload(cockpit, [item(0, TAKEOFF, 0, 3.0, cockpit)]) == 0
+    assert cockpit.command(300) == ACCEPTED
+    assert cockpit.pilot.mode is Mode.MISSION
+    assert cockpit.pilot.armed is flavour.px4
+
+
+def test_a_value_beyond_what_is_known_is_taken() -> None:
+    cockpit = Cockpit(PX4)
+    bits = struct.unpack("<f", struct.pack("<i", 6))[0]
+    (back,) = cockpit.tell(mavlink.MAVLink_param_set_message(1, 1, b"COM_OBL_RC_ACT", bits, 6))
+    assert struct.unpack("<i", struct.pack("<f", back.param_value))[0] == 6
 
 
 def test_pause_and_go_on() -> None:
