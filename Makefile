@@ -15,7 +15,7 @@ torch_into = { [ $(TORCH) = cpu ] && \
   { $(1)/python -m pip install $(QUIET) $(UV) && $(1)/uv pip install --quiet \
   --python $(1)/python --torch-backend $(TORCH) torch==$(VERSION); }
 
-.PHONY: run test lint bench lock clean
+.PHONY: run test lint bench soak lock clean
 
 run: $(READY)
 	$(BIN)/swarm up deploy/library/swarms/gridworld-a.toml
@@ -28,6 +28,14 @@ lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# The protocol under so many schedules of faults, from a seed on: make soak SCHEDULES=100000
+SCHEDULES  ?= 20000
+FIRST_SEED ?= 0
+
+soak: $(READY)
+	SCHEDULES=$(SCHEDULES) FIRST_SEED=$(FIRST_SEED) $(BIN)/python -m pytest -q \
+	  tests/swarm/simulation/test_simulation.py -k no_schedule
 
 bench: $(READY)
 	@tests/debian-packages.sh bench

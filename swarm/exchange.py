@@ -84,6 +84,7 @@ class Exchange:
         guard: counts what was refused and shuts senders out.
         handover: what joiners are given.
         dispatch: by which parameters leave.
+        on_wait: called now and then during a long wait, for a watchdog.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class Exchange:
         self._said: dict[str, float] = {}  # when the last line about each cause was written [s]
         self._began = time.monotonic()  # [s]
         self._waits = waits
+        self.on_wait: Callable[[], None] = lambda: None
         roster.call_on_change(self._on_presence)
         self._on_presence()
 
@@ -256,6 +258,7 @@ class Exchange:
                     case Await():
                         if now > start + SAY_WAITING:
                             self._say_waiting(action)
+                            self.on_wait()
                         self._inbox.wait(seen, min(TICK, max(0.0, action.until - now)))
                     case _ if wanted(action):
                         return action
@@ -283,8 +286,13 @@ class Exchange:
         """
         time.sleep(0)  # lets Zenoh's threads bring what has come
         with self._inbox.lock:
-            newest = self.machine.newest()
-            arrived = {n: d for n, d in newest.items() if d is not self._taken.get(n)}
+            newest = {n: self._newest(n) for n in self.machine.nearby}
+            arrived = {
+                n: found
+                for n, found in newest.items()
+                if found is not None and found is not self._taken.get(n)
+                if self.machine.agent in found.header.neighbours
+            }
             for neighbour in arrived:
                 self.machine.peers[neighbour].account.count()
             if self.machine.superseded is not None:
@@ -295,8 +303,11 @@ class Exchange:
     def newest_of(self, neighbour: str) -> Delivery | None:
         """A neighbour's newest vector, of whatever round."""
         with self._inbox.lock:
-            vectors = self.machine.peers[neighbour].vectors
-            return vectors[max(vectors)] if vectors else None
+            return self._newest(neighbour)
+
+    def _newest(self, neighbour: str) -> Delivery | None:
+        vectors = self.machine.peers[neighbour].vectors
+        return vectors[max(vectors)] if vectors else None
 
     def learned(self) -> dict[str, float]:
         """What each of the neighbours has learned, as far as is known [rounds].

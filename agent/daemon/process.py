@@ -149,6 +149,7 @@ def run_agent(
         systemd.ready()
         log.info("round %d: announced as %s on %s", life.at.round, machine.life, listen)
         # Who comes back alone goes on when enough are here; a swarm begins, or resumes, together.
+        exchange.on_wait = lambda: systemd.alive(f"round {life.at.round}: waiting")
         exchange.start(life.at.round, begin is not None or life.at.round == 0, stop)
         absent = [member for member, peer in machine.peers.items() if not peer.here]
         if absent and not stop.is_set():

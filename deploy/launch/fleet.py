@@ -20,6 +20,7 @@ from swarm.errors import ConfigError, NetworkError, SwarmError
 
 STOP_LIMIT = 1.5  # [s] from SIGTERM to SIGKILL
 BACKOFF = (0.0, 0.5, 1.0, 2.0, 4.0)  # [s] before the first, second, ... restart of an agent
+LEFT_BEHIND = 5.0  # [s] that the last agent has to finish by itself
 FORGIVEN = 60.0  # [s] an agent that lived so long starts its back-off anew
 
 
@@ -34,6 +35,7 @@ class Worker:
         failures: in a row.
         restart_at: when to start again [monotonic s], or None.
         done: it has finished its rounds, or is given up.
+        alone: it was started when all others were done, and so needs none of them.
     """
 
     agent: str
@@ -42,6 +44,7 @@ class Worker:
     failures: int = 0
     restart_at: float | None = None
     done: bool = False
+    alone: bool = False
 
 
 @dataclass(slots=True)
@@ -62,6 +65,7 @@ class Fleet:
     journal: Journal
     clocks: Clocks
     workers: dict[str, Worker] = field(default_factory=dict)
+    last_since: float | None = None  # since when only one agent is left [monotonic s]
     exits: "queue.SimpleQueue[tuple[str, int]]" = field(default_factory=queue.SimpleQueue)
     dismissed: float | None = None
 
@@ -77,6 +81,8 @@ class Fleet:
             command.append("--resume")
         if begin is not None:
             command += ["--begin", str(begin)]
+        if alone := self._is_last(agent):
+            command += ["--set", "quorum.minimum=0"]
         if namespace := self.config.agents[self.config.index(agent)].namespace:
             command = ["ip", "netns", "exec", namespace, *command]
         self.folder.prepare(agent)
@@ -91,6 +97,7 @@ class Fleet:
         if worker is None:
             worker = self.workers[agent] = Worker(agent, process, time.monotonic())
         worker.process, worker.started, worker.restart_at = process, time.monotonic(), None
+        worker.alone = alone
         return worker
 
     def _wait(self, agent: str, process: subprocess.Popen[bytes]) -> None:
@@ -115,6 +122,24 @@ class Fleet:
                 text = f"{worker.agent} starts again from its newest checkpoint"
                 self.journal.say("restarted", text, worker.agent)
                 self.start(worker.agent)
+            elif not worker.done and not worker.alone and self._is_left_behind(worker.agent, now):
+                text = f"{worker.agent} waits for others that have finished: it ends without them"
+                self.journal.say("restarted", text, worker.agent)
+                worker.alone = True
+                worker.process.terminate()
+
+    def _is_last(self, agent: str) -> bool:
+        """Whether all others are done: nobody will come to make up a quorum."""
+        others = [worker for name, worker in self.workers.items() if name != agent]
+        return len(others) == len(self.config.members) - 1 and all(w.done for w in others)
+
+    def _is_left_behind(self, agent: str, now: float) -> bool:
+        """Whether the others have been done for longer than they wait for it."""
+        if not self._is_last(agent):
+            self.last_since = None
+            return False
+        self.last_since = now if self.last_since is None else self.last_since
+        return now - self.last_since > self.config.timing.finish + LEFT_BEHIND
 
     def _on_exit(self, worker: Worker, code: int) -> None:
         held = checkpoint.rounds_in(self.folder.checkpoints(worker.agent))

@@ -49,9 +49,9 @@ class Account:
         """Whether the other end may still have to hear of a use."""
         return self.open is not None or (bool(self.rounds) and self.idle < UNUSED)
 
-    def state(self) -> Statement:
-        """What is said of it."""
-        return Statement(self.number, self.booked == 0, self.rounds, self.uses)
+    def state(self, life: str = "") -> Statement:
+        """What is said of it to the other end in this life."""
+        return Statement(self.number, self.booked == 0, self.rounds, self.uses, life)
 
     def use(self, round_: int) -> None:
         """Use the edge in a round."""
@@ -66,7 +66,9 @@ class Account:
         """Hear the other end speak in ``round_``; the round to take back, if it did not use it."""
         if self.open is None or round_ <= self.open:
             return None
-        return self._close(theirs)
+        # What it used of a former life of ours, it did not use of this one.
+        former = theirs.life not in {"", self.lives[0]}
+        return self._close(Statement() if former else theirs)
 
     def meet(self, theirs: Statement, lives: tuple[str, str]) -> tuple[bool, int | None]:
         """Compare accounts: whether the edge's duals are void, and the round to take back."""

@@ -89,8 +89,6 @@ class Machine:
         self._below: float | None = None  # since when it has mixed with too few [s]
         self.superseded: str | None = None
 
-    # Events
-
     def present(self, now: float, lives: Mapping[str, str], own: str) -> None:
         """Membership: who is here and in which life; ``own``: the latest life of this very id."""
         for member, peer in self.peers.items():
@@ -103,7 +101,7 @@ class Machine:
     def heard(self, now: float, header: ParameterHeader, vector: Any | None) -> bool:
         """A message of another member; False if a life that is over sent it."""
         peer = self.peers[header.agent]
-        if not peer.hear(now, header, vector):
+        if not peer.hear(now, header, vector, self.membership.run):
             return False
         if peer.view is header:
             self._compare(header.agent)
@@ -144,7 +142,7 @@ class Machine:
         """
         self.round, self.norm = round_, norm
         self.phase = "finished" if round_ >= self._last else "playing"
-        self.membership.began()
+        self.membership.reconsider()
         for agent in self.peers:
             self._compare(agent)
         self.nearby = self.neighbours()
@@ -172,14 +170,17 @@ class Machine:
         self._beat_at = min(self._beat_at, now + self.timing.beat)
         self._resend_at = now + self._interval
 
+    @property
+    def pending(self) -> tuple[tuple[str, int], ...]:
+        """Neighbour and round of shares that the next :class:`Mix` takes back."""
+        return tuple(self._taken_back)
+
     def adopt(self, run: str) -> None:
         """A member's state was taken, and with it its run; what the own had used is void."""
         self.membership.run = run
+        self.membership.settle()
         for peer in self.peers.values():
             peer.account = Account()
-        self.membership.began()
-
-    # What to do
 
     def sign(self, asks: bool = False) -> ParameterHeader:
         """A header in this agent's name."""
@@ -191,9 +192,9 @@ class Machine:
             round=self.round,
             run=self.membership.run,
             phase=self.phase,
-            neighbours={n: self.peers[n].account.state() for n in self.nearby},
+            neighbours={n: self._state(n) for n in self.nearby},
             former={
-                n: peer.account.state()
+                n: self._state(n)
                 for n, peer in self.peers.items()
                 if n not in self.nearby and peer.token and peer.account.recent
             },
@@ -201,6 +202,10 @@ class Machine:
             norm=self.norm,
             asks=asks,
         )
+
+    def _state(self, agent: str) -> Statement:
+        peer = self.peers[agent]
+        return peer.account.state(peer.life)
 
     def poll(self, now: float) -> list[Action]:
         """What to do now; the last action says how to go on."""
@@ -221,10 +226,9 @@ class Machine:
 
     def _answers(self) -> Iterable[Send]:
         """Answer those who ask, and those who wait for this agent in vain."""
-        asked = tuple(agent for agent, peer in self.peers.items() if peer.asked and peer.token)
-        for agent in asked:
-            self.peers[agent].asked = False
-        if asked:
+        if asked := tuple(a for a, peer in self.peers.items() if peer.asked and peer.token):
+            for agent in asked:
+                self.peers[agent].asked = False
             yield Send(asked, self.sign(), vector=False)
 
     def _start(self, now: float) -> list[Action]:
@@ -246,15 +250,6 @@ class Machine:
     def neighbours(self) -> tuple[str, ...]:
         """Own neighbours in the topology over those who are here, in this run."""
         return self._topology(self._fellows())
-
-    def newest(self) -> dict[str, Delivery]:
-        """The newest vector of each neighbour that counts this agent, of whatever round."""
-        found = {}
-        for neighbour in self.nearby:
-            vectors = self.peers[neighbour].vectors
-            if vectors and self.agent in (last := vectors[max(vectors)]).header.neighbours:
-                found[neighbour] = last
-        return found
 
     def _here(self) -> tuple[str, ...]:
         return tuple(agent for agent, peer in self.peers.items() if peer.token is not None)
@@ -313,34 +308,34 @@ class Machine:
         used = {n: d for n in self.nearby if (d := self._usable(n)) is not None}
         ahead, lacking = self.membership.ahead(self.round, self._bound(now), self._last)
         done = self.membership.done(self._last) & set(self.nearby)
-        if len(used.keys() | done) >= self.needed or self.phase == "finished" or ahead is not None:
+        if len(used.keys() | done) >= self.needed or self.phase == "finished":
             self._below = None
         elif self._below is None:
             self._below = now
         short = self._below is not None and now >= self._below + self._quorum.patience
-        short = short and not self._graced(now)
         actions: list[Action] = []
         if (short or lacking) and now >= self._ask_at:
             self._ask_at = now + self.timing.resend
             actions.append(Send(self._here(), self.sign(asks=True), vector=False))
         if short:
-            return [*actions, *self._hold(now, len(used))]
+            line = f"quorum: {len(used)} of {self.needed} neighbours needed (quorum.minimum)"
+            actions.append(Say("quorum", f"round {self.round}: {line}"))
+            if ahead is None and not self._graced(now):
+                return [*actions, *self._hold(now, line)]
         if used or ahead is not None:
             self._in_step = now
         self._durations.append(now - self._published)
         self.causes = {}
         return [*actions, self._mix(used, ahead)]
 
-    def _hold(self, now: float, mixed: int) -> list[Action]:
+    def _hold(self, now: float, line: str) -> list[Action]:
         """Too few neighbours to go on with: say so, and try this round with them again."""
         if self.neighbours() != self.nearby or now >= self._published + self._limit:
             for neighbour in self.nearby:
                 self.peers[neighbour].late, self.peers[neighbour].barred = False, 0
             return [Again()]
-        line = f"{mixed} of {self.needed} neighbours needed (quorum.minimum)"
-        self.causes = {"": f"quorum: {line}"}
-        said = Say("quorum", f"round {self.round}: waiting, {line}")
-        return [said, Await(self.causes, now + self.timing.resend)]
+        self.causes = {"": line}
+        return [Await(self.causes, now + self.timing.resend)]
 
     def _graced(self, now: float) -> bool:
         """A neighbour is a round further on: a few rounds, to come into step with it."""
@@ -354,34 +349,32 @@ class Machine:
         return self._grace >= 0
 
     def _usable(self, neighbour: str) -> Delivery | None:
-        """The neighbour's vector of this round, if both ends may use the edge in it."""
+        """The neighbour's vector of this round, if both ends may use the edge in it.
+
+        Both ends ask the same of the same two statements.
+        """
         peer, header = self.peers[neighbour], self._header
         delivery = peer.vectors.get(self.round)
-        if delivery is None or header is None or peer.token is None:
+        if delivery is None or header is None or not self._current(peer, delivery.header):
             return None
-        theirs = delivery.header.neighbours.get(self.agent)
-        own = header.neighbours[neighbour]
-        if theirs is None or delivery.header.incarnation != peer.life:
+        theirs, own = delivery.header.neighbours.get(self.agent), header.neighbours[neighbour]
+        if theirs is None or (theirs.number, theirs.fresh) != (own.number, own.fresh):
             return None
-        if delivery.header.run != self.membership.run:
+        meant = own.life == delivery.header.incarnation and theirs.life == self.life
+        if peer.account.number != own.number or not meant:
             return None
-        if (theirs.number, theirs.fresh) != (own.number, own.fresh):
-            return None
-        if peer.account.number != own.number:
-            return None
-        declined = peer.view is not None and peer.view.round > self.round
-        if declined and self.round not in self._stated(peer.view):
-            return None
-        return delivery if self._same_account(own, theirs, peer) else None
+        declined = peer.round > self.round and self.round not in self._stated(peer.view)
+        return None if declined else delivery
+
+    def _current(self, peer: Peer, header: ParameterHeader) -> bool:
+        """Whether a vector is of this run, and of a life that is here and was met on the edge."""
+        if peer.token is None or header.run != self.membership.run:
+            return False
+        return header.incarnation == peer.life == peer.account.lives[1]
 
     def _stated(self, view: ParameterHeader | None) -> tuple[int, ...]:
         statement = statement_on(view, self.agent) if view else None
         return statement.rounds if statement else ()
-
-    def _same_account(self, own: Statement, theirs: Statement, peer: Peer) -> bool:
-        """The ends have met in their present lives, on the account that both stated."""
-        assert peer.view is not None
-        return peer.account.lives == (self.life, peer.view.incarnation)
 
     def _bound(self, now: float) -> float:
         """The largest round that a swarm like this can have reached since we were in step."""
@@ -391,6 +384,7 @@ class Machine:
         for neighbour, peer in self.peers.items():
             if neighbour in used:
                 peer.account.use(self.round)
+                self.membership.settle()
                 peer.penalties = 0
             elif peer.account.rest():
                 self._void.append(neighbour)

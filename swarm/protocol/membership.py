@@ -53,8 +53,8 @@ class Membership:
         """Begin to look for the others."""
         self._started, self._together = now, together
 
-    def began(self) -> None:
-        """The first round has begun: from now on the run is what it is."""
+    def settle(self) -> None:
+        """Something of this run is in the parameters: from now on the run is what it is."""
         self._open = False
 
     def fellow(self, member: str) -> bool:
@@ -69,7 +69,7 @@ class Membership:
 
     def may_start(self, now: float, timing: Timing, needed: int) -> Verdict:
         """Whether all, or after a while enough, of the others are here and in this run."""
-        self._adopt()
+        self.reconsider()
         causes: dict[str, str] = {}
         begun = any(
             peer.view.phase != "starting"
@@ -98,8 +98,8 @@ class Membership:
             return Verdict(False, {"": why})
         return Verdict(True)
 
-    def _adopt(self) -> None:
-        """While nothing is learned yet, take the run that others have begun, or the earliest."""
+    def reconsider(self) -> None:
+        """While nothing of others is mixed, take the run that they have begun, or the earliest."""
         if not self._open:
             return
         views = [p.view for p in self._peers.values() if p.view and p.token]

@@ -27,12 +27,14 @@ class Statement(msgspec.Struct, frozen=True, array_like=True, forbid_unknown_fie
         fresh: whether nothing has been booked on it.
         rounds: the last :data:`LISTED` rounds in which this end used the edge and keeps it.
         uses: how often it did in all.
+        life: of the other end, as this end knows it; a vector of another life was not meant.
     """
 
     number: Number = 0
     fresh: bool = True
     rounds: Annotated[tuple[Number, ...], msgspec.Meta(max_length=LISTED)] = ()
     uses: Number = 0
+    life: Annotated[str, msgspec.Meta(max_length=16)] = ""
 
 
 class ParameterHeader(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

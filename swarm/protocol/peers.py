@@ -68,12 +68,16 @@ class Peer:
         if self.view and order(self.view.incarnation) < order(token or ""):
             self.forget()
 
-    def hear(self, now: float, header: ParameterHeader, vector: Any | None) -> bool:
-        """Take in what it says; False if it comes from a life that is over, or changes its run."""
+    def hear(self, now: float, header: ParameterHeader, vector: Any | None, run: str) -> bool:
+        """Take in what it says; False if that is of a life that is over.
+
+        Nor may it leave its run, but to come into ours.
+        """
         if order(header.incarnation) < order(self.life):
             return False
         known, same = self.view, self.view and self.view.incarnation == header.incarnation
-        if known and same and known.phase != "starting" and header.run != known.run:
+        settled = known and same and known.phase != "starting"
+        if known and settled and header.run not in {known.run, run}:
             return False
         if self.view and self.view.incarnation != header.incarnation:
             self.forget()

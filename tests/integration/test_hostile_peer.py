@@ -19,7 +19,7 @@ from deploy.observe.status import collect, observe
 from swarm.protocol.guard import STRANGERS
 from swarm.protocol.messages import PROTOCOL
 from swarm.wire.keys import Keys
-from swarm.wire.payload import HEADER_LIMIT, Layout
+from swarm.wire.payload import HEADER_LIMIT, Layout, plain
 from tests.integration.harness import (
     GRIDWORLD_A,
     MEMBERS,
@@ -220,3 +220,76 @@ def test_a_flood_on_every_key_while_the_swarm_learns(tmp_path: Path) -> None:
         assert after[member].memory_mb < before[member].memory_mb + 10
         reports = list(RunFolder(tmp_path / member).reports(member))
         assert all(TRAITOR not in report.weights for report in reports)
+
+
+def test_what_one_member_claims_moves_nobody(tmp_path: Path) -> None:
+    """It lies about valid rounds, states, learned counts and neighbours, in messages that read."""
+    file = tmp_path / "five.toml"
+    task = 'env = "sim:GridWorld-v0", kwargs = { layout = "a", task = 0 }'
+    file.write_text(
+        GRIDWORLD_A.read_text() + f'[[agents]]\nid = "{TRAITOR}"\ntask = {{ {task} }}\n'
+    )
+    settings = [f"network.base_port={free_base_port(5)}", "rounds=1000000", "timing.start=2"]
+    config, keys = load(file, settings), Keys("gridworld-a")
+    layout = layout_of(config, build_learner(config, "drone0"))
+    options = [word for setting in settings for word in ("--set", setting)]
+    body = np.zeros(layout.size, "<f4").tobytes()
+
+    def start(stack: ExitStack, member: str) -> None:
+        folder = tmp_path / member
+        stack.enter_context(
+            swarm("agent", file, "--id", member, "--run", folder, *options, cwd=tmp_path)
+        )
+
+    with ExitStack() as stack:
+        for member in MEMBERS[:3]:
+            start(stack, member)
+        session = stack.enter_context(observe(config))
+
+        def all_know(agents: set[str]) -> bool:
+            said = collect(session, config, 5.0)
+            return set(said) == agents and all(s.round > 20 for s in said.values())
+
+        until(lambda: all_know(set(MEMBERS[:3])), "three learn")
+        run = collect(session, config, 5.0)["drone0"].run
+
+        def header(round_: int, **changes: object) -> bytes:
+            fields = {"version": PROTOCOL, "fingerprint": layout.fingerprint, "agent": TRAITOR}
+            fields |= {"incarnation": "f00d", "round": round_, "run": run}
+            fields["neighbours"] = {member: [0, True, [], 0, ""] for member in MEMBERS}
+            return msgspec.msgpack.encode(fields | changes)
+
+        token = session.liveliness().declare_token(keys.alive(TRAITOR, "f00d"))
+        state = plain(layout).fingerprint
+        stack.callback(
+            session.declare_queryable(
+                keys.state(TRAITOR),
+                lambda query: query.reply(
+                    keys.state(TRAITOR), body, attachment=header(500_000, fingerprint=state)
+                ),
+            ).undeclare
+        )
+        lies = [
+            header(500_000),
+            header(1_000_000, phase="finished"),
+            header(0, neighbours={}),
+            header(40, neighbours={m: [2**53, False, [1, 2, 3], 2**53, ""] for m in MEMBERS}),
+        ]
+        start(stack, "drone3")  # it joins while the traitor offers it a state
+        for _ in range(20):
+            for lie in lies:
+                session.put(keys.params(TRAITOR), body, attachment=lie)
+
+        until(lambda: all_know(set(MEMBERS)), "four learn")
+        reached = {m: s.round for m, s in collect(session, config, 5.0).items()}
+        until(
+            lambda: all(
+                status.round > reached[member] + 20
+                for member, status in collect(session, config, 5.0).items()
+            ),
+            "the swarm goes on",
+        )
+        token.undeclare()
+        after = collect(session, config, 5.0)
+    assert {status.state for status in after.values()} == {"learning"}
+    assert max(status.round for status in after.values()) < 400_000

@@ -8,8 +8,9 @@ from swarm.mixing.rules import DUAL
 from swarm.mixing.weights import neighbours
 from swarm.protocol.machine import Machine
 from swarm.protocol.peers import KEPT
+from tests.swarm.simulation.process import Process
 from tests.swarm.simulation.schedule import Schedule
-from tests.swarm.simulation.world import LEASE, QUORUM, TIMING, Process, World
+from tests.swarm.simulation.world import LEASE, QUORUM, TIMING, World
 
 HEALED = 20  # rounds within which every edge mixes again
 LAST = 6  # rounds at the end in which every edge is used
@@ -21,7 +22,9 @@ def play(schedule: Schedule, machine: type[Machine] = Machine) -> World:
     world = World(schedule, machine)
     quiet = ROUND + 2 * (schedule.latency + schedule.jitter)
     world.healed_by = schedule.calm_from + LEASE + TIMING.start + 2 * TIMING.round_floor
-    world.run(world.healed_by + HEALED * quiet)
+    # A traitor goes on holding its neighbours up, each once in a while.
+    held_up = 4 * TIMING.round if schedule.traitors else 0.0
+    world.run(world.healed_by + HEALED * quiet + held_up)
     return world
 
 
@@ -69,6 +72,8 @@ def _edge(p: Process, q: Process) -> Iterator[str]:
         ends.append((kept, account))
     (ours, mine), (theirs, its) = ends
     settled = {mine.open, its.open}
+    for a, b in ((p, q), (q, p)):  # decided, and done when the round under way is mixed
+        settled |= {r for neighbour, r in a.machine.pending if neighbour == b.agent}
     for round_ in (ours.keys() ^ theirs.keys()) - settled:
         yield f"{p.agent}-{q.agent}: round {round_} is kept by one end only"
     for round_ in ours.keys() & theirs.keys():

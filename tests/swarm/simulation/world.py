@@ -8,65 +8,29 @@ any set of them is the mean of their ``c_i``.
 import heapq
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from itertools import count
-from typing import Any
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from swarm.mixing.rules import Mixer, Mixing
 from swarm.mixing.weights import Topology, lazy_metropolis, neighbours
 from swarm.protocol.accounts import Account
 from swarm.protocol.actions import Again, Await, Begin, End, Mix, Say, Send
 from swarm.protocol.machine import Machine
-from swarm.protocol.messages import ParameterHeader, Statement, life_after, newest
+from swarm.protocol.messages import ParameterHeader, life_after, newest
 from swarm.protocol.quorum import Quorum
 from swarm.protocol.timing import Timing
 from swarm.protocol.transfer import Answer, choose
+from tests.swarm.simulation.process import DIMENSION, Disk, Process, Vector
 from tests.swarm.simulation.schedule import Fault, Schedule
+from tests.swarm.simulation.traitor import lie
 
-Vector = NDArray[np.floating]
-DIMENSION = 2
 STEP = 0.05
 LEASE = 1.0  # [s]
 TIMING = Timing(start=3.0, round=6.0, round_floor=1.0, resend=0.25, beat=0.5, state=0.5, finish=1.0)
 QUORUM = Quorum(patience=4.0)
 WORK = (0.25, 0.35)  # [s] that a round's step takes
 SAVED = 3  # rounds between checkpoints
-
-
-@dataclass
-class Disk:
-    """What outlives a process."""
-
-    saved: list[dict[str, Any]] = field(default_factory=list)
-
-
-@dataclass
-class Process:
-    """One life of one agent."""
-
-    agent: str
-    life: str
-    machine: Machine
-    mixer: Mixer
-    theta: Vector
-    base: Vector  # theta with which this life began
-    steps: Vector
-    alive: bool = True
-    frozen: bool = False
-    held: list[Callable[[], None]] = field(default_factory=list)  # what happens while frozen
-    step: Vector = field(default_factory=lambda: np.zeros(DIMENSION))
-    sent: Vector = field(default_factory=lambda: np.zeros(DIMENSION))
-    busy: bool = False
-    woken: int = 0
-    ended: str = ""
-    rounds: list[tuple[float, int, tuple[str, ...], tuple[str, ...]]] = field(default_factory=list)
-    flows: dict[tuple[str, int], Vector] = field(default_factory=dict)  # by other life and round
-    said: list[tuple[float, str, str]] = field(default_factory=list)
-    offences: list[str] = field(default_factory=list)
 
 
 class World:
@@ -110,8 +74,6 @@ class World:
         for fault in schedule.faults:
             self._plan(fault)
 
-    # The clock
-
     def after(self, delay: float, call: Callable[[], None]) -> None:
         heapq.heappush(self._queue, (self.now + max(delay, 0.0), next(self._number), call))
 
@@ -121,8 +83,6 @@ class World:
             self.now, _, call = heapq.heappop(self._queue)
             call()
         self.now = until
-
-    # Faults
 
     def _plan(self, fault: Fault) -> None:
         agent = self.members[fault.agent]
@@ -239,7 +199,7 @@ class World:
 
     def _judge_choice(self, agent: str, chosen: Answer, seen: list[Process]) -> None:
         """A joiner must not believe a lie while there are others to ask."""
-        sender = next(p for p in seen if p.agent == chosen.header.agent)
+        sender = max((p for p in seen if p.agent == chosen.header.agent), key=lambda p: p.life)
         honest = [p for p in seen if p.agent not in {agent, *self.traitors}]
         true, told = sender.machine.sign(), chosen.header
         fields = ("round", "norm", "run", "incarnation")
@@ -251,7 +211,7 @@ class World:
         others = [
             p.machine.round
             for p in self.processes
-            if p is not process and p.alive and p.agent not in self.traitors
+            if p is not process and p.agent not in self.traitors
         ]
         if process.agent not in self.traitors and others and target > max(others):
             process.offences.append(f"{self.now:.2f}: is carried to round {target}")
@@ -272,8 +232,6 @@ class World:
             }
         )  # fmt: skip
         del self.disks[process.agent].saved[:-3]
-
-    # Membership
 
     def _visible(self, observer: str, process: Process) -> bool:
         if not process.alive:
@@ -298,8 +256,6 @@ class World:
         own = here.pop(observer.agent, observer.life)
         observer.machine.present(self.now, here, own)
         self.wake(observer)
-
-    # Messages
 
     def send(self, sender: Process, action: Send) -> None:
         for receiver in action.to:
@@ -331,33 +287,11 @@ class World:
 
     def spoil(self, sender: Process, header: ParameterHeader) -> ParameterHeader:
         """What a traitor makes of its header."""
-        fault = next(
-            (f for f in self.schedule.faults if f.kind == "lie" and self.now >= f.at
-             and self.members[f.agent] == sender.agent), None,
-        )  # fmt: skip
-        if fault is None:
-            return header
-        lies: dict[str, Any] = {
-            "round": {
-                "round": self.dice.choice([self._last, header.round + 1000, 0, self._last - 1])
-            },
-            "norm": {"norm": 1e30},
-            "neighbours": {"neighbours": {m: Statement() for m in self.members}},
-            "number": {
-                "neighbours": {m: Statement(self.dice.randrange(2**53)) for m in self.members}
-            },
-            "rounds": {
-                "neighbours": {
-                    m: msgspec.structs.replace(s, rounds=(self.dice.randrange(500),))
-                    for m, s in header.neighbours.items()
-                }
-            },
-            "run": {"run": "0" * 16},
-            "incarnation": {"incarnation": self.dice.choice(["0" * 16, "f" * 16])},
-            "phase": {"phase": "finished"},
-            "learned": {"learned": 1e12},
-        }
-        return msgspec.structs.replace(header, **lies[fault.lie])
+        lies = [f for f in self.schedule.faults if f.kind == "lie" and self.now >= f.at]
+        for fault in lies:
+            if self.members[fault.agent] == sender.agent:
+                return lie(header, fault.lie, self.members, self._last, self.dice)
+        return header
 
     # One agent's rounds, as agent/daemon plays them
 
