@@ -2,9 +2,11 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 import tomllib
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -52,15 +54,24 @@ def test_every_command_of_a_page_runs(page: Path, copy: Path) -> None:
 
 
 def run(block: Block, command: list[str], folder: Path) -> None:
-    """Run a block in a folder, with `swarm` on the path and Python's as the project's."""
+    """Run a block in a folder, with `swarm` on the path; nothing that it started outlives it."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    done = subprocess.run(
-        command, cwd=folder, env=os.environ | {"PATH": path}, stdin=subprocess.DEVNULL,
-        capture_output=True, text=True, timeout=LIMIT, check=False,
-    )  # fmt: skip
-    said = f"{done.stdout[-1500:]}\n{done.stderr[-1500:]}"
-    assert done.returncode == 0, f"{block.place}: exit code {done.returncode}\n{said}"
-    assert "Traceback" not in done.stderr, f"{block.place}:\n{said}"
+    with (folder / "said").open("w+") as said:
+        process = subprocess.Popen(
+            command, cwd=folder, env=os.environ | {"PATH": path}, stdin=subprocess.DEVNULL,
+            stdout=said, stderr=said, start_new_session=True,
+        )  # fmt: skip
+        try:
+            code = process.wait(LIMIT)
+        except subprocess.TimeoutExpired:
+            code = None
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+        said.seek(0)
+        text = said.read()
+    assert code == 0, f"{block.place}: exit code {code} (None: after {LIMIT:.0f} s)\n{text[-3000:]}"
+    assert "Traceback" not in text, f"{block.place}:\n{text[-3000:]}"
 
 
 def test_readme_is_short_and_links_lead_somewhere() -> None:
