@@ -24,6 +24,7 @@ from agent.daemon import answers
 from agent.daemon.answers import Life
 from agent.daemon.clock import await_clock
 from agent.daemon.joining import serve_config
+from agent.daemon.logbook import logbook_kept
 from agent.daemon.metrics import serve_metrics
 from agent.daemon.notify import Systemd
 from agent.daemon.rounds import Outcome, Rounds
@@ -34,6 +35,7 @@ from agent.learning.learners import build_learner
 from agent.storage import checkpoint
 from agent.storage.appender import RETRY, Appender
 from agent.storage.checkpoint import Checkpoint
+from agent.storage.flights import FlightLog
 from agent.storage.metrics import open_metrics
 from agent.storage.runfolder import RunFolder
 from agent.storage.shelf import Shelf
@@ -129,7 +131,10 @@ def run_agent(
         metrics = resources.enter_context(open_metrics(folder.metrics(agent), first.round))
         shelf = Shelf(folder.checkpoints(agent))
         rounds = Rounds(config, agent, learner, mixer, exchange, stop)
-        spotter = Spotter(agent, telemetry, lambda: life.at.round)
+        kept = FlightLog(
+            folder.flown(agent), first.round, config.rounds, lambda: config.progress(life.at)
+        )
+        spotter = Spotter(agent, lambda: life.at.round, telemetry, kept)
         learner.attendance = Attendance(stop.is_set, spotter.see)
         refusals.check()
         life.at = _catch_up(config, exchange, roster, first)
@@ -141,6 +146,7 @@ def run_agent(
         serve_history(session, keys, agent, life.history)
         serve_config(session, keys, agent, config, lambda: life.at.round)
         answers.serve_status(session, keys, life, rounds)
+        resources.enter_context(logbook_kept(partial(answers.status_of, life, rounds)))
         if metrics_at is not None:
             ask = partial(answers.health, life, rounds)
             resources.enter_context(serve_metrics(metrics_at, config.name, ask))

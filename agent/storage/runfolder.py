@@ -5,10 +5,11 @@
     runs/NAME-DATE/
         config.json           the resolved swarm file
         versions.json         of Python and the packages that matter
-        result.json           what the final table shows
+        result.json           how it ended and what the final table shows
         eval.json             how far the learned policy flew (`swarm eval`)
         events.jsonl          what `swarm up` saw: faults, agents that ended or started again
         recording.rrd         for Rerun
+        flown/drone0.jsonl    samples of its flights, see agent.storage.flights
         metrics/drone0.jsonl  one swarm.reports.telemetry.RoundReport a line
         checkpoints/drone0/00000042.safetensors
         logs/drone0.log
@@ -71,6 +72,10 @@ class RunFolder:
     def metrics(self, agent: str) -> Path:
         """Round reports of an agent."""
         return self.path / "metrics" / f"{agent}.jsonl"
+
+    def flown(self, agent: str) -> Path:
+        """Flight samples of an agent."""
+        return self.path / "flown" / f"{agent}.jsonl"
 
     def checkpoints(self, agent: str) -> Path:
         """Folder of an agent's checkpoints."""

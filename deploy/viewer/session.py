@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from agent.config.experiment import SwarmFile
+from agent.storage.flights import read_flights
 from agent.storage.runfolder import RunFolder
 from deploy.observe.status import Target, observe
 from deploy.process.news import working
@@ -57,7 +58,14 @@ def record_run(folder: RunFolder, config: SwarmFile, path: Path) -> None:
         ConfigError: the file cannot be written.
     """
     with opened(config, Output(save=path)) as recorder:
-        recorder.take(history(folder, config))
+        recorder.take(history(folder, config), _flown(folder, config))
+
+
+def _flown(folder: RunFolder, config: SwarmFile) -> list[FlightSample]:
+    """The flight samples that a run has kept, in the order of time."""
+    kept = (sample for agent in config.members for sample in read_flights(folder.flown(agent)))
+    members = set(config.members)
+    return sorted((s for s in kept if s.agent in members), key=lambda sample: sample.time)
 
 
 def view(target: Target, output: Output, live: bool | None) -> None:
@@ -86,7 +94,7 @@ def view(target: Target, output: Output, live: bool | None) -> None:
                 "expected a running swarm, or a run folder as argument"
             )
         with opened(config, output) as recorder, stop_meanwhile() as stop:
-            recorder.take(history(folder, config))
+            recorder.take(history(folder, config), _flown(folder, config))
             if output.web:
                 stop.wait()
     if (save := output.save) is not None:
