@@ -9,11 +9,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from swarm.reports.telemetry import AgentStatus
+from swarm.reports.telemetry import AgentStatus, NeighbourStatus
 
 log = logging.getLogger(__name__)
 EVERY = 60.0  # [s]
-SILENT = 2.0  # [s] a neighbour whose last word is older is named
 
 
 @contextmanager
@@ -57,9 +56,11 @@ def line_of(status: AgentStatus, stuck: float) -> str:
         parts.append(f"flights {status.distance:.1f} m")
     elif status.value is not None:
         parts.append(f"return {status.value:+.3f}")
-    heard = status.neighbours.items()
-    silent = [name for name, word in heard if word.age is None or word.age > SILENT]
-    parts.append(f"{len(status.neighbours)} neighbours")
-    if silent:
-        parts.append(f"no word for {SILENT:.0f} s from {', '.join(silent)}")
+    if status.neighbours:
+        heard = (_heard(name, word) for name, word in status.neighbours.items())
+        parts.append(f"heard {', '.join(heard)}")
     return ", ".join(parts)
+
+
+def _heard(name: str, word: NeighbourStatus) -> str:
+    return f"{name} never" if word.age is None else f"{name} {word.age:.1f} s ago"

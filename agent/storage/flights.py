@@ -2,8 +2,8 @@
 
 Interface: :class:`FlightLog`, written by the agent, and :func:`read_flights`.  A file holds one
 :class:`swarm.reports.telemetry.FlightSample` a line, as JSON with base64 for pictures.  A run keeps
-at most :data:`SAMPLES` of each agent, spread evenly over its rounds, whatever its length: with the
-pictures of the indoor worlds (60 x 40) some 10 kB each.
+at most :data:`SAMPLES` of each agent, spread evenly over its rounds, whatever its length: 10 MB,
+for with its two pictures a sample of an indoor world has some 25 kB.
 """
 
 import logging

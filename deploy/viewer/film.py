@@ -33,7 +33,7 @@ TRAIL = 500  # steps; 200 m
 QUALITY = 85  # of the pictures; JPEG, a tenth of their size
 LEAVES = 20.0  # s for what was recorded to reach the disk
 PLOTS = ("reward", "speed", "height", "battery")
-DRONE = colours.AGENTS[1]
+DRONE = colours.FIRST[1]
 RADIUS = 0.25  # m, of the sphere that is the drone
 
 

@@ -29,14 +29,17 @@ class Room:
         """The picture of a world."""
         return cls(OpenMesh.of(scene.mesh))
 
-    def still(self, colour: colours.Colour) -> Iterator[tuple[str, rr.AsComponents]]:
-        """What never changes: names below the world's entity, and data; ``colour`` of the agent."""
+    def still(self) -> Iterator[tuple[str, rr.AsComponents]]:
+        """What never changes: names below the world's entity, and data."""
         yield "", rr.ViewCoordinates.FRD
-        yield "flights", rr.LineStrips3D.from_fields(radii=[THICK])
         yield "mesh", self.mesh.drawn()
+
+    def moving(self, colour: colours.Colour) -> Iterator[tuple[str, rr.AsComponents]]:
+        """How an agent of this ``colour`` is drawn in it, likewise."""
+        yield "flights", rr.LineStrips3D.from_fields(radii=[THICK])
         yield "drone", rr.Arrows3D.from_fields(colors=[colour], radii=[1.5 * THICK])
 
-    def view(self, name: str, origin: str) -> rrb.View:
+    def view(self, name: str, origin: str, contents: list[str]) -> rrb.View:
         """All of it, from above and a little from the south."""
         low, high = self.mesh.corners.min((0, 1)), self.mesh.corners.max((0, 1))
         middle, span = (low + high) / 2, high - low
@@ -49,4 +52,6 @@ class Room:
             look_target=middle,
             eye_up=[0.0, 1.0, 0.0] if east_up else [1.0, 0.0, 0.0],
         )
-        return rrb.Spatial3DView(name=name, origin=origin, eye_controls=eye, line_grid=False)
+        return rrb.Spatial3DView(
+            name=name, origin=origin, contents=contents, eye_controls=eye, line_grid=False
+        )

@@ -52,8 +52,8 @@ class CellWorld:
         rows, columns = np.divmod(np.asarray(states, np.intp), self.cells.shape[1])
         return np.stack([columns, rows], axis=-1) + 0.5
 
-    def still(self, colour: colours.Colour) -> Iterator[tuple[str, rr.AsComponents]]:
-        """What never changes: names below the world's entity, and data; ``colour`` of the agent."""
+    def still(self) -> Iterator[tuple[str, rr.AsComponents]]:
+        """What never changes: names below the world's entity, and data."""
         rows, columns = self.cells.shape
         lines = [[(0, y), (columns, y)] for y in range(1, rows)]
         lines += [[(x, 0), (x, rows)] for x in range(1, columns)]
@@ -61,18 +61,21 @@ class CellWorld:
         yield "cells", rr.AnnotationContext(legend)
         yield "cells", rr.SegmentationImage(self.cells, opacity=1.0, draw_order=0.0)
         yield "lines", rr.LineStrips2D(lines, colors=[colours.LINES], radii=[0.02], draw_order=1.0)
+
+    def moving(self, colour: colours.Colour) -> Iterator[tuple[str, rr.AsComponents]]:
+        """How an agent of this ``colour`` is drawn in it, likewise."""
         path = rr.LineStrips2D.from_fields(colors=[colour], radii=[0.08], draw_order=2.0)
         drone = rr.Points2D.from_fields(colors=[colour], radii=[0.22], draw_order=3.0)
         yield "path", path
         yield "drone", drone
 
-    def view(self, name: str, origin: str) -> rrb.View:
+    def view(self, name: str, origin: str, contents: list[str]) -> rrb.View:
         """All of it, filling the view."""
         rows, columns = self.cells.shape
         bounds = rrb.VisualBounds2D(
             x_range=(-MARGIN, columns + MARGIN), y_range=(-MARGIN, rows + MARGIN)
         )
-        return rrb.Spatial2DView(name=name, origin=origin, visual_bounds=bounds)
+        return rrb.Spatial2DView(name=name, origin=origin, contents=contents, visual_bounds=bounds)
 
 
 def world_of(task: Task) -> CellWorld | Room | None:

@@ -14,9 +14,9 @@ STATUS = AgentStatus(
 )  # fmt: skip
 
 
-def test_a_line_tells_how_far_it_is_and_names_who_is_silent() -> None:
+def test_a_line_tells_how_far_it_is_and_whom_it_heard() -> None:
     assert line_of(STATUS, 0.0) == (
-        "round 3 of 9: learning, flights 12.5 m, 2 neighbours, no word for 2 s from drone3"
+        "round 3 of 9: learning, flights 12.5 m, heard drone1 0.2 s ago, drone3 never"
     )
     assert "in this round for 75 s" in line_of(STATUS, 75.0)
 

@@ -120,13 +120,13 @@ def test_a_room_shows_its_walls_and_the_path_in_its_drones_colour(
     drawn: dict[str, Picture],
 ) -> None:
     room = drawn["flies"]
-    assert share(room, colours.of_agent(0)) > 0.0005
+    assert share(room, colours.FIRST[0]) > 0.0005
     assert (room.max(axis=2) > 60).mean() > 0.1
 
 
 def test_a_grid_world_shows_goal_obstacles_and_path(drawn: dict[str, Picture]) -> None:
     cells = drawn["walks"]
-    for colour in (colours.GOAL, colours.TROUBLE, colours.of_agent(1)):
+    for colour in (colours.GOAL, colours.TROUBLE, colours.FIRST[1]):
         assert share(cells, colour) > 0.001
 
 
@@ -141,7 +141,7 @@ def test_the_camera_shows_what_the_drone_sees(drawn: dict[str, Picture]) -> None
 def test_plots_have_a_line_of_each_agent(drawn: dict[str, Picture]) -> None:
     for name in PLOTS[:2]:
         for place in range(2):
-            assert share(drawn[name], colours.of_agent(place)) > 0.0002, name
+            assert share(drawn[name], colours.FIRST[place]) > 0.0002, name
     theory = drawn["Consensus error, its decay and bound"]
     assert share(theory, colours.TROUBLE) > 0.0002
 

@@ -14,7 +14,7 @@ from rerun.chunk import RrdReader
 from agent.config.experiment import AgentEntry, SwarmFile, Task
 from agent.learning.estimators import Exact
 from agent.storage.runfolder import RunFolder
-from deploy.viewer import record_run
+from deploy.viewer import colours, record_run
 from deploy.viewer.drawing import Scene
 from deploy.viewer.moments import (
     Event,
@@ -27,9 +27,12 @@ from deploy.viewer.moments import (
     remembered,
     thin,
 )
+from deploy.viewer.network import drawn
 from deploy.viewer.recorder import Recorder
 from deploy.viewer.tasks import FREE, GOAL, OBSTACLE, START, CellWorld, world_of
+from swarm.mixing.weights import Topology
 from swarm.reports.telemetry import RoundReport
+from tests.deploy.observe.crowds import crowd
 
 GRID = Task("sim:GridWorld-v0", {"layout": "a", "task": 0})
 RING = SwarmFile(
@@ -200,6 +203,51 @@ def test_a_chain_is_a_row_and_an_unknown_world_is_left_out() -> None:
     assert world_of(Task("not_installed:World-v0")) is None
 
 
+def crowd_scene(size: int) -> Scene:
+    return Scene.of(msgspec.structs.replace(crowd(size), topology=Topology(kind="ring")))
+
+
+def test_a_crowd_shares_worlds_has_short_names_and_no_words_on_its_edges() -> None:
+    scene = crowd_scene(64)
+    assert [len(agents) for agents in scene.sharing.values()] == [32, 32]  # two tasks
+    assert scene.worlds["drone00"] is scene.worlds["drone62"]
+    pictures = [path for path, _ in scene.still() if path.endswith("/cells")]
+    assert set(pictures) == {"worlds/drone00/cells", "worlds/drone01/cells"}
+    members = scene.config.members
+    used = tuple(pairwise(members))
+    found = Links(used[1:], used[:1])
+    here, apart = frozenset(members), dict.fromkeys(used, 1.0)
+    nodes, edges = drawn(scene.places, scene.colours, here, found, apart)
+    assert [node.label for node in nodes] == [f"{i:02d}" for i in range(64)]
+    assert edges == list(found.used)
+    ends = [np.array(scene.places[member]) for member in members[:2]]
+    assert np.linalg.norm(ends[1] - ends[0]) > 25
+
+
+def test_a_crowd_has_two_lines_for_all_its_edges() -> None:
+    scene = crowd_scene(64)
+    members = scene.config.members
+    told = [
+        msgspec.structs.replace(
+            report(0, 3), agent=agent, weights={members[(i + 1) % 64]: 0.25}, sketch=(float(i),)
+        )
+        for i, agent in enumerate(members)
+    ]
+    rows = {row.path: row.value for row in scene.rows(Moment(), Moment.of(told))}
+    assert {path for path in rows if path.startswith("edges/")} == {"edges/largest", "edges/median"}
+    assert (rows["edges/largest"], rows["edges/median"]) == (63.0, 1.0)
+
+
+@pytest.mark.parametrize("count", [1, 6, 7, 16, 64])
+def test_every_agent_has_a_colour_of_its_own(count: int) -> None:
+    found = colours.of_agents(count)
+    assert found[:6] == colours.FIRST[:count]
+    assert found == colours.of_agents(64)[:count]
+    places = colours.oklab(np.array([*found, *colours.TAKEN]))
+    apart = np.linalg.norm(places[:, None] - places, axis=2)[np.triu_indices(len(places), 1)]
+    assert apart.min() > 0.05  # 0.02 is what a careful eye just sees
+
+
 def test_only_what_is_new_makes_rows() -> None:
     scene, now = Scene.of(RING), ring(3, sketch=(1.0,), route=ROUTE)
     paths = {row.path for row in scene.rows(Moment(), now)}
@@ -209,7 +257,8 @@ def test_only_what_is_new_makes_rows() -> None:
 
 def test_a_missing_edge_is_broken_by_a_node_in_its_middle() -> None:
     scene = Scene.of(RING)
-    nodes, edges = scene.network(frozenset({"drone0"}), Links((), (("drone0", "drone2"),)), {})
+    here, cut = frozenset({"drone0"}), Links((), (("drone0", "drone2"),))
+    nodes, edges = drawn(scene.places, scene.colours, here, cut, {})
     middle = nodes[-1]
     np.testing.assert_allclose(middle.place, (0, 0), atol=1e-4)  # across the circle
     assert edges == [("drone0", middle.name), (middle.name, "drone2")]
