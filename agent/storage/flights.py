@@ -6,18 +6,17 @@ at most :data:`SAMPLES` of each agent, spread evenly over its rounds, whatever i
 for with its two pictures a sample of an indoor world has some 25 kB.
 """
 
-import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 
+from agent.storage.appender import Trouble
+from agent.storage.files import write_file
 from swarm.reports.telemetry import FLIGHT_RATE, FlightSample
 
-log = logging.getLogger(__name__)
 SAMPLES = 400  # of each agent
-REMIND = 60.0  # [s] between two lines about the same trouble
 
 
 class FlightLog:
@@ -40,7 +39,7 @@ class FlightLog:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._path, self._rounds, self._progress, self._clock = path, rounds, progress, clock
-        self._earliest = self._remind = -float("inf")
+        self._earliest, self._trouble = -float("inf"), Trouble(clock=clock)
         samples = read_flights(path)
         kept = [sample for sample in samples if sample.round < begin]
         self._kept = len(kept)
@@ -64,17 +63,16 @@ class FlightLog:
             file.write(msgspec.json.encode(sample) + b"\n")
 
     def _rewrite(self, kept: list[FlightSample]) -> None:
-        draft = self._path.with_suffix(".draft")
-        draft.write_bytes(b"".join(msgspec.json.encode(sample) + b"\n" for sample in kept))
-        draft.replace(self._path)
+        lines = b"".join(msgspec.json.encode(sample) + b"\n" for sample in kept)
+        write_file(self._path, lines, durable=False)
 
     def _try(self, write: Callable[[], None]) -> None:
         try:
             write()
         except OSError as error:
-            if self._clock() >= self._remind:
-                self._remind = self._clock() + REMIND
-                log.warning("flight samples cannot be kept: %s", error)
+            self._trouble.met(str(self._path), error)
+        else:
+            self._trouble.over(str(self._path))
 
 
 def read_flights(path: Path) -> list[FlightSample]:
