@@ -21,7 +21,8 @@ from swarm.wire.links import LinkReport
 PROBLEMS = 5  # lines about them on a screen
 SILENT = 12  # of the agents that do not answer, so many are named
 EDGES = 8  # links on a screen, the fullest first
-BESIDE = 19  # lines of all else: summary, headings, what is left out, weights
+EDGES_CROWD = 2  # and of many agents
+BESIDE = 10  # lines of all else: summary, headings, what is left out, weights
 
 
 def picture(config: SwarmFile, status: SwarmStatus, height: int) -> RenderableType:
@@ -29,8 +30,9 @@ def picture(config: SwarmFile, status: SwarmStatus, height: int) -> RenderableTy
     if status.health == "nobody":
         endpoints = [config.endpoint(member) for member in config.members]
         return Text(f'nobody of swarm "{config.name}" answers on {crowd.named(endpoints)}')
-    problems = _problems(status)
-    room = crowd.shown(len(config.members), height, BESIDE + len(problems))
+    many = len(config.members) > crowd.MANY
+    links, problems = _links(status.agents, EDGES_CROWD if many else EDGES), _problems(status)
+    room = crowd.shown(len(config.members), height, BESIDE + len(links) + len(problems))
     agents, rest = config.members, []
     if room < len(agents):
         here = sorted(status.agents, key=lambda agent: _worth_a_look(agent, status))
@@ -40,10 +42,10 @@ def picture(config: SwarmFile, status: SwarmStatus, height: int) -> RenderableTy
         rest = [Text(f"and {others}; all: --json")] if others else []
     return Group(
         *_summary(config, status),
-        _table(agents, status, named=len(config.members) <= crowd.MANY),
+        _table(agents, status, named=not many),
         *rest,
         Text(_weights(status.agents)),
-        *(Text(line) for line in _links(status.agents)),
+        *(Text(line) for line in links),
         *(Text(problem, style="yellow") for problem in problems),
     )
 
@@ -106,7 +108,7 @@ def _nearby(neighbours: Mapping[str, NeighbourStatus], named: bool) -> str:
     return f"{len(neighbours)}, {_age(max(neighbours.values(), key=lambda heard: heard.age or 0))}"
 
 
-def _links(agents: Mapping[str, AgentFacts]) -> list[str]:
+def _links(agents: Mapping[str, AgentFacts], most: int) -> list[str]:
     """Every edge's rate, latency, backlog and age, from either end; the fullest first, no flood."""
     edges = [
         (heard.link.backlog, f"{name} -> {other}: {describe(heard.link)}")
@@ -114,7 +116,7 @@ def _links(agents: Mapping[str, AgentFacts]) -> list[str]:
         for other, heard in facts.neighbours.items()
         if heard.link is not None
     ]
-    shown = [line for _, line in sorted(edges, key=lambda edge: -edge[0])[:EDGES]]
+    shown = [line for _, line in sorted(edges, key=lambda edge: -edge[0])[:most]]
     more = len(edges) - len(shown)
     return [*shown, *([f"and {more} more links"] if more else [])]
 

@@ -6,7 +6,8 @@ Lemma 2: with weights of second largest singular value ``sigma``, equal starts o
 
 ``D`` bounds the norm of all agents' gradients together; here it is the largest seen so far, agent
 by agent.  The bound is drawn where the lemma holds, for the rule ``dcpg`` with plain gradient
-ascent; the decay always.
+ascent, unless it is more than :data:`FAR` times the largest error so far, and would press the
+measured lines flat.  The decay is drawn always.
 """
 
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from deploy.viewer.moments import Moment, errors
 from deploy.viewer.rows import Row, scalars
 from swarm.mixing.weights import graph, spectrum, weight_matrix
 
+FAR = 100.0  # times the largest error so far
 DECAY, BOUND = "consensus_error/decay", "consensus_error/bound"
 
 
@@ -33,12 +35,14 @@ class Theory:
         step: ``alpha``; None where the lemma does not hold.
         start: round and largest error of the first moment that had one.
         norms: largest gradient of each agent so far.
+        most: largest error so far.
     """
 
     gap: float
     step: float | None
     start: tuple[int, float] | None = None
     norms: dict[str, float] = field(default_factory=dict)
+    most: float = 0.0
 
     @classmethod
     def of(cls, config: SwarmFile) -> Self:
@@ -55,6 +59,7 @@ class Theory:
         largest = max(errors(now).values(), default=0.0)
         if largest == 0.0:
             return
+        self.most = max(self.most, largest)
         if self.start is None or now.round < self.start[0]:
             self.start = now.round, largest
         first, error = self.start
@@ -62,4 +67,6 @@ class Theory:
         yield Row(DECAY, scalars, *at, error * (1 - self.gap) ** (now.round - first))
         if self.step is not None and self.gap > 0:
             together = float(np.linalg.norm(list(self.norms.values())))
-            yield Row(BOUND, scalars, *at, self.step * together / self.gap)
+            bound = self.step * together / self.gap
+            if bound <= FAR * self.most:
+                yield Row(BOUND, scalars, *at, bound)

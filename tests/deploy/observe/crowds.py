@@ -4,8 +4,10 @@ from agent.config.experiment import AgentEntry, SwarmFile, Task
 from agent.learning.estimators import Exact
 from swarm.mixing.weights import neighbours
 from swarm.reports.telemetry import AgentStatus, NeighbourStatus, RoundReport
+from swarm.wire.links import LinkReport
 
 ROUNDS = 1000
+LINK = LinkReport(rate=17_300.0, latency=0.00946, age=4.5)
 
 
 def crowd(size: int) -> SwarmFile:
@@ -21,7 +23,7 @@ def answers(config: SwarmFile, round_: int = 312) -> dict[str, AgentStatus]:
         agent: AgentStatus(
             agent=agent, incarnation="1", pid=1, state="learning", round=round_, rounds=ROUNDS,
             neighbours={
-                other: NeighbourStatus(round=round_, age=0.012)
+                other: NeighbourStatus(round=round_, age=0.012, link=LINK)
                 for other in neighbours(config.topology, config.members, agent)
             },
             value=0.01 * place, sketch=(0.1 * place, 0.0), memory_mb=61.0,
