@@ -6,8 +6,6 @@ the same seed.  Needs root, iproute2 and iptables; clocks that jump need libfake
 """
 
 import shutil
-import subprocess
-import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -18,6 +16,7 @@ from agent.storage.files import write_file
 from agent.storage.runfolder import RunFolder
 from deploy.chaos.faults import load_faults
 from deploy.chaos.namespaces import hosts, inside, settle
+from deploy.launch.child import swarm_up
 from deploy.launch.journal import events
 from deploy.policies.result import read_result
 from deploy.policies.tables import TabularScores
@@ -26,7 +25,6 @@ from deploy.reproduce.aftermath import TOLERATED as TIMES
 from deploy.reproduce.aftermath import Aftermath, Trace, examine, usual_disagreement
 from deploy.reproduce.claims import Claim, Findings, Options
 from deploy.reproduce.settings import grid_swarm
-from swarm.errors import SwarmError
 from swarm.mixing.weights import neighbours
 from swarm.reports.telemetry import RoundReport
 
@@ -98,17 +96,9 @@ def _run(config: SwarmFile, fault: str, path: Path, host: str) -> Trace:
     path.parent.mkdir(parents=True, exist_ok=True)
     file, chaos = path.with_suffix(".json"), FILES / f"{fault}.toml"
     write_file(file, msgspec.json.encode(config))
-    command = [*inside(host), sys.executable, "-m", "deploy.cli", "up", str(file)]
-    command += ["--run", str(path), "--no-record"]
     found = () if fault == UNDISTURBED else load_faults(chaos, config)
-    command += ["--chaos", str(chaos)] if found else []
-    try:
-        subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=True)
-    except subprocess.CalledProcessError as error:
-        last = (error.stderr or error.stdout).strip().splitlines()[-1:]
-        raise SwarmError(f"fault {fault}: swarm up failed: {' '.join(last)}") from None
-    except subprocess.TimeoutExpired:
-        raise SwarmError(f"fault {fault}: swarm up took longer than {LIMIT:.0f} s") from None
+    options = ("--chaos", chaos) if found else ()
+    swarm_up(file, path, *options, limit=LIMIT, host=inside(host))
     folder = RunFolder(path)
     return Trace(
         {a: frozenset(neighbours(config.topology, config.members, a)) for a in config.members},

@@ -4,8 +4,6 @@ Every agent of the file is a process of its own and hears the others over Zenoh.
 files have exact and sampled gradients, a critic, losses, bytes on the wire and rules that remember.
 """
 
-import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,10 +14,10 @@ import numpy as np
 from agent.config.experiment import SwarmFile, load
 from agent.storage import checkpoint
 from agent.storage.runfolder import RunFolder
+from deploy.launch.child import swarm_up
 from deploy.policies.scoring import Referee
 from deploy.reproduce.claims import Claim, Findings, Options
 from deploy.simulate.simulator import Vectors, simulate
-from swarm.errors import SwarmError
 
 SWARMS = Path(__file__).parents[1] / "library" / "swarms"
 FILES = (
@@ -76,15 +74,8 @@ def run_processes(file: Path, settings: list[str], config: SwarmFile) -> Vectors
     """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run"
-        command = [sys.executable, "-m", "deploy.cli", "up", str(file), "--run", str(path)]
-        command += ["--no-record", *(part for text in settings for part in ("--set", text))]
-        try:
-            subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, check=True)
-        except subprocess.CalledProcessError as error:
-            last = (error.stderr or error.stdout).strip().splitlines()[-1:]
-            raise SwarmError(f"{file}: swarm up failed: {' '.join(last)}") from None
-        except subprocess.TimeoutExpired:
-            raise SwarmError(f"{file}: swarm up took longer than {LIMIT:.0f} s") from None
+        options = (part for text in settings for part in ("--set", text))
+        swarm_up(file, path, *options, limit=LIMIT)
         run = RunFolder(path)
         return np.stack(
             [

@@ -5,7 +5,6 @@ The agents are those of ``swarm up``, on a ring, over Zenoh.
 
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -14,6 +13,7 @@ import msgspec
 from rich.console import Console
 
 from agent.storage.runfolder import RunFolder
+from deploy.launch.child import command
 from deploy.reproduce.settings import grid_swarm
 from tests.bench.exchange import machine
 from tests.bench.processes import Holding, holdings
@@ -31,8 +31,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         file, run = Path(folder) / "swarm.json", Path(folder) / "run"
         file.write_bytes(msgspec.json.encode(config))
-        command = [sys.executable, "-m", "deploy.cli", "up", str(file), "--run", str(run)]
-        process = subprocess.Popen([*command, "--no-record"], stdout=subprocess.DEVNULL)
+        process = subprocess.Popen(command(file, run), stdout=subprocess.DEVNULL)
         reports, end = RunFolder(run), time.monotonic() + LIMIT
         held: dict[str, Holding] = {}
         try:

@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agent.storage.runfolder import RunFolder
+from deploy.launch.child import command
 from deploy.process.logs import LOG_BYTES, LOG_FILES
 from tests.bench.exchange import machine
 from tests.bench.processes import Holding, holdings
@@ -36,9 +37,8 @@ def main(rounds: int = ROUNDS) -> int:
     console.print(f"[bold]four agents, {rounds} rounds[/] on {machine()}")
     with tempfile.TemporaryDirectory() as folder:
         run = Path(folder) / "run"
-        command = [sys.executable, "-m", "deploy.cli", "up", str(FILE), "--run", str(run)]
-        command += ["--no-record", "--set", f"rounds={rounds}"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        order = command(FILE, run, "--set", f"rounds={rounds}")
+        process = subprocess.Popen(order, stdout=subprocess.DEVNULL)
         start = time.monotonic()
         try:
             seen = watch(run, rounds, process)

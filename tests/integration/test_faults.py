@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +12,7 @@ from agent.config.experiment import load
 from agent.storage.runfolder import RunFolder
 from deploy.chaos import clocks
 from deploy.chaos.namespaces import hosts, inside, settle, why_not
+from deploy.launch.child import swarm_up
 from swarm.reports.telemetry import RoundReport
 from tests.integration.harness import GRIDWORLD_A, MEMBERS, ROOT, run
 
@@ -85,18 +84,7 @@ def up_on_hosts(names: list[str], folder: Path, *extra: str | Path) -> str:
     """Run a swarm with each agent on a host of its own, launched and watched from the last one."""
     file = folder.with_suffix(".json")
     file.write_bytes(msgspec.json.encode(settle(load(GRIDWORLD_A), names)))
-    command = [*inside(names[-1]), sys.executable, "-m", "deploy.cli", "up", str(file)]
-    command += ["--run", str(folder), "--no-record"]
-    done = subprocess.run(
-        [*command, *map(str, extra)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=150,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return swarm_up(file, folder, *extra, limit=150.0, host=inside(names[-1]))
 
 
 @pytest.mark.parametrize("fault", ["partition", "loss", "rate"])
