@@ -93,7 +93,7 @@ def test_drones_learn_from_pictures(tmp_path: Path) -> None:
 
 def test_mistakes_are_one_line(tmp_path: Path) -> None:
     cases = [
-        (["eval", "nothing"], '"nothing" is not a run folder'),
+        (["eval", "nothing"], 'no policy "nothing": expected a path or a name'),
         (["eval", "nothing.safetensors"], 'no file "nothing.safetensors"'),
         (["export", "nothing.safetensors", "--format", "onnx"], "nothing.safetensors"),
         (["reproduce", "drones", "--estimator", "sarsa"], '"sarsa": expected one of'),
