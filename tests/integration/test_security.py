@@ -136,7 +136,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
                 )
                 session.put(keys.params(forged), b"forged")
                 session.put(keys.telemetry(forged, "round"), b"forged")
-            for _ in range(3):  # the agent's own key: comes in, and is refused without a header
+            for _ in range(3):  # the agent's own key: comes in, and is refused without a frame
                 own.put(b"forged")
 
             def refused() -> dict[str, int]:
@@ -145,7 +145,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
                 rejected: dict[str, int] = seen["agents"]["drone0"]["rejected"]
                 return rejected
 
-            until(lambda: refused() == {"header": 3}, "only what came under drone1's own key")
+            until(lambda: refused() == {"frame": 3}, "only what came under drone1's own key")
             with (
                 open_session(
                     config.network, config.party(OBSERVER), (), list(map(config.endpoint, MEMBERS))
@@ -158,7 +158,7 @@ def test_strangers_and_impostors_get_nothing_in_and_nothing_out(
         until(lambda: rounds_played(folder, "drone0") > before + 20, "the swarm goes on")
         code, summary = status(folder, tmp_path)
         rejected = {agent: said["rejected"] for agent, said in summary["agents"].items()}
-        assert rejected == {member: {} for member in MEMBERS} | {"drone0": {"header": 3}}
+        assert rejected == {member: {} for member in MEMBERS} | {"drone0": {"frame": 3}}
         command.interrupt()
         assert command.wait() == 130
 
